@@ -323,6 +323,6 @@ def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
     """With the least step far above what the loop needs."""
     scenario = dataclasses.replace(design.scenario, accuracy=1e-12)
     own = sdt.design(scenario, robot=design.robot, motion=design.motion)
-    monkeypatch.setattr(import_module("sdt_drake.run.simulate"), "_MOST_STEPS", 2)
+    monkeypatch.setattr(import_module("sdt_drake.run.simulate"), "MAX_STEPS", 2)
     with pytest.raises(sdt.InputError, match=r"stuck at \d.* s \("):
         simulate(own)

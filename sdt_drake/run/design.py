@@ -1,4 +1,4 @@
-"""A scenario with everything computed that its loop needs."""
+"""A design: a scenario and everything that its loop needs, computed on first use."""
 
 from __future__ import annotations
 
@@ -45,24 +45,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Shown):
-    """A scenario, resolved: its loop follows from these inputs, each part computed on first use.
+    """A resolved scenario. Everything else follows from these inputs and is computed on first use.
 
-    `dataclasses.replace` with another input gives a whole design of that; it is checked where its
-    loop is made.
-
-    Attributes:
-        scenario: what was asked for.
-        nominal: the chosen device without deviations, which planner and controller know.
-        wanted: the planned motion, feasible for the nominal robot; errors are against it.
-        learned: the learned reference; by default that of the scenario's file, if there is one.
-        fed: a torque feedforward in place of the controller's own; by default its own.
+    `dataclasses.replace` with another input returns a complete design of it. The inputs are checked
+    when the loop is made.
     """
 
     scenario: Scenario
+    """The scenario that is resolved."""
     nominal: Robot
+    """The chosen device without deviations; planner and controller use it."""
     wanted: Motion
+    """The planned motion, feasible for the nominal robot. Errors are measured against it."""
     learned: LearnedReference | None = None
+    """A learned reference; by default that of the scenario's file, if it names one."""
     fed: Feedforward | None = None
+    """A torque feedforward that replaces the controller's own; by default the controller's own."""
 
     def summary(self) -> Summary:
         columns = {
@@ -77,31 +75,30 @@ class Design(Shown):
         return of_joints(title, columns, self.robot.joint_names)
 
     def plot(self) -> Figure:
-        """A figure of the effective inertia along the motion, motor side."""
+        """Return a figure of the effective inertia along the motion, motor side."""
         robot, title = self.robot, f"{self.scenario.name}: effective inertia, motor side"
         i_eff = effective_inertia(robot, self.torques.d_kk)
         return face().plots.effective_inertia(title, self.motion.time, i_eff, robot.joint_names)
 
     def linear(self, sample: int = 0) -> LinearModel:
-        """The closed loop around a sample of the motion, at rest there; see `sdt_drake.linear`."""
+        """Return the closed loop linearised at rest at a sample; see `sdt_drake.linear`."""
         return face().linear(self, sample)
 
     # --- plant -------------------------------------------------------------------------------
 
     @cached_property
     def robot(self) -> Robot:
-        """The simulated robot: `nominal` with the plant's deviation."""
+        """The simulated robot: `nominal` with the plant's deviations."""
         return deviated(self.nominal, self.scenario.plant.deviation, "plant.deviation")
 
     @property
     def loaded_robot(self) -> Robot:
-        """The robot whose load torque is that of the loop: on the axis plant the simulated one; on
-        the coupled plant, whose load is physical, the nominal one."""
+        """Robot of the load torque: the simulated one on axes, the nominal one if coupled."""
         return self.robot if self.scenario.plant.kind == "axis" else self.nominal
 
     @property
     def torques(self) -> TorqueGroups:
-        """Inverse dynamics of the links of `loaded_robot` along the motion, joint side."""
+        """Inverse dynamics of the links of `loaded_robot` along the reference, joint side."""
         return torques_along(self.loaded_robot, self.motion)
 
     @cached_property
@@ -110,7 +107,7 @@ class Design(Shown):
         return self._loads(self.torques)
 
     def steady_load(self, start: Motion) -> Array:
-        """Load torque in steady motion at a sample, where a run starts; motor side [N m], (n,)."""
+        """Return the load torque in steady motion at a sample, motor side [N m], shape (n,)."""
         return self._loads(torques_along(self.loaded_robot, start)).load_torque[0]
 
     def _loads(self, torques: TorqueGroups) -> Loads:
@@ -119,7 +116,7 @@ class Design(Shown):
 
     @cached_property
     def inertia(self) -> InertiaRange:
-        """Range of the effective inertia along the motion, motor side."""
+        """Range of the effective inertia along the reference, motor side."""
         return InertiaRange.of(effective_inertia(self.loaded_robot, self.torques.d_kk))
 
     @property
@@ -130,26 +127,25 @@ class Design(Shown):
 
     @cached_property
     def springs(self) -> Springs | None:
-        """Springs of the joints; None if all are rigid."""
+        """Springs of the joints; None if all joints are rigid."""
         return springs_along(self.scenario, self.nominal, self.motion)
 
     @cached_property
     def friction(self) -> FrictionParameters | None:
-        """Friction of the joints; None if they have none."""
+        """Friction of the joints; None without friction."""
         friction = self.scenario.plant.friction
         return None if friction.is_none else friction_parameters(friction, self.nominal.n)
 
     @property
     def envelope(self) -> Envelope | None:
-        """The torque-speed envelope in force, motor side; None where nothing gives one."""
+        """The torque-speed envelope in force, motor side; None without one."""
         return as_driven(self.robot, self.scenario.drive).envelope
 
     # --- controller ----------------------------------------------------------------------------
 
     @property
     def omega_r(self) -> float | None:
-        """Lowest natural frequency of the structure of the device [rad/s]; None where the scenario
-        gives the gains instead."""
+        """Lowest natural frequency of the device's structure [rad/s]; None if gains are given."""
         omega_r = self.scenario.controller.omega_r
         return None if omega_r is None else omega_r * self.nominal.frequency_factor
 
@@ -160,17 +156,17 @@ class Design(Shown):
 
     @cached_property
     def _modelled_torques(self) -> TorqueGroups:
-        """Inverse dynamics of the links of `model` along the motion, joint side."""
+        """Inverse dynamics of the links of `model` along the reference, joint side."""
         return torques_along(self.model, self.motion)
 
     @cached_property
     def _largest_inertia(self) -> Array:
-        """Largest effective inertia of the model along the motion, motor side [kg m²], (n,)."""
+        """Largest effective inertia of `model` along the reference, motor side [kg m²], (n,)."""
         return effective_inertia(self.model, self._modelled_torques.d_kk.max(axis=0))
 
     @cached_property
     def gains(self) -> SpeedGains:
-        """Gains of the PI speed controllers, motor side; tuned to the model's largest inertia."""
+        """Gains of the PI speed controllers, motor side, tuned to the model's largest inertia."""
         return gains_of(self.scenario, self._largest_inertia, self.nominal)
 
     @cached_property
@@ -180,24 +176,24 @@ class Design(Shown):
 
     @cached_property
     def inertia_share(self) -> Array:
-        """I_eff of the model along the motion over its largest [-], shape (N + 1, n)."""
+        """I_eff of the model over its largest value along the reference [-], shape (N + 1, n)."""
         i_eff = effective_inertia(self.model, self._modelled_torques.d_kk)
         return i_eff / self._largest_inertia
 
     @property
     def position_gain(self) -> Array:
-        """K_V of a position loop [1/s], shape (n,)."""
+        """K_V of the position loops [1/s], shape (n,)."""
         k_v = self.scenario.controller.position_gain
         return self.omega_n / 4 if k_v is None else np.array(k_v)
 
     @property
     def feedforward(self) -> FeedforwardLaw | None:
-        """Law of the controller's own torque feedforward; None without one."""
+        """Law of the controller's own torque feedforward; None without one or if it is replaced."""
         return None if self.fed is not None else feedforward_of(self.scenario, self.model)
 
     @cached_property
     def tau_ff(self) -> Array | None:
-        """All torque feedforward along the motion, motor side [N m], (N + 1, n); None for none."""
+        """Total torque feedforward, motor side [N m], shape (N + 1, n); None without one."""
         if self.fed is not None:
             return self.fed.along
         law, torque = self.feedforward, self.learned_torque
@@ -208,19 +204,18 @@ class Design(Shown):
 
     @cached_property
     def steady_ff(self) -> Array | float:
-        """Torque feedforward in steady motion at the first speed, without the learned torque;
-        motor side [N m], shape (n,). 0 for none."""
+        """Feedforward in steady motion at the initial speed, without learned torque [N m], (n,)."""
         return self.steady_ff_at(steady(self.motion)) if self.fed is None else self.fed.steady
 
     def steady_ff_at(self, start: Motion) -> Array | float:
-        """The same of the controller's own law, in steady motion at a sample."""
+        """Return the controller's own feedforward in steady motion at a sample [N m], (n,)."""
         if self.feedforward is None:
             return 0.0
         return law_along(self.feedforward, torques_along(self.model, start), start)[0]
 
     @property
     def feeds_load_torque(self) -> bool:
-        """Whether the feedforward is just the load torque of the loop (Figure 6)."""
+        """True if the feedforward is exactly the load torque of the loop (Figure 6)."""
         choice = self.scenario.controller
         has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
         has_no_more &= self.learned_torque is None
@@ -232,37 +227,36 @@ class Design(Shown):
 
     @cached_property
     def _taught(self) -> LearnedReference:
-        """The learned reference in force; the planned motion where nothing was learned."""
+        """The learned reference in force; the planned motion if nothing was learned."""
         return taught_reference(self.scenario, self.nominal, self.wanted, self.learned)
 
     @property
     def motion(self) -> Motion:
-        """The reference: `wanted` itself, or the learned motion, feasible, too."""
+        """The reference: the planned motion, or the learned one, which is feasible, too."""
         return self._taught.motion
 
     @property
     def learned_torque(self) -> Array | None:
-        """The learned torque, which is fed forward beside the controller's own; motor side [N m],
-        shape (N + 1, n)."""
+        """Learned torque, added to the feedforward; motor side [N m], shape (N + 1, n)."""
         return self._taught.torque
 
     @cached_property
     def reference(self) -> Motion:
-        """What the loop holds: the motion, with the speeds that the scenario says, on its clock."""
+        """The motion that the loop holds: `motion` with the held speeds, on the loop's clock."""
         return held_reference(self.scenario, self.motion)
 
     @cached_property
     def drive(self) -> Drive:
-        """The drive of the scenario, on the clock of the loop."""
+        """The scenario's drive on the clock of the loop."""
         return drive_on_clock(self.scenario.drive, self.reference)
 
     # --- other inputs --------------------------------------------------------------------------
 
     def checked(self) -> Design:
-        """Return the design itself.
+        """Check the inputs and return the design itself.
 
         Raises:
-            InputError: for inputs that do not fit each other.
+            InputError: if the inputs do not fit each other.
         """
         scenario = self.scenario
         check(scenario, _name(scenario), self.nominal.n)
@@ -270,7 +264,7 @@ class Design(Shown):
             robot, _ = self.robot, self.model
             if self.learned_torque is not None and scenario.inverse_dynamics != "table":
                 raise InputError(
-                    "online, but a learned torque needs table", place="inverse_dynamics"
+                    "online, expected table, as a learned torque needs", place="inverse_dynamics"
                 )
             check_reference(scenario, self.nominal, self.motion)
             slowest = self.i_eff if scenario.plant.kind == "axis" else self.inertia.minimum
@@ -278,27 +272,29 @@ class Design(Shown):
         return self
 
     def variant(self, scenario: Scenario) -> Design:
-        """The design of another scenario with the same device and planned motion.
+        """Return the design of another scenario for the same device and planned motion.
 
         Raises:
-            InputError: for what does not fit them.
+            InputError: if the scenario does not fit them.
         """
         return Design(scenario, self.nominal, self.wanted).checked()
 
     def given(self, learned: LearnedReference) -> Design:
-        """The same design with what flights have taught.
+        """Return this design with a learned reference.
 
         Raises:
-            InputError: for what was learned of another motion, or is beyond a limit.
+            InputError: if it was learned from another motion, or exceeds a limit.
         """
         return Design(self.scenario, self.nominal, self.wanted, learned).checked()
 
     def with_feedforward(self, tau_ff: Array) -> Design:
-        """The same design with this torque feedforward instead of the controller's own, motor side
-        [N m], shape (N + 1, n).
+        """Return this design with another torque feedforward instead of the controller's own.
 
-        What it had been before is taken for the same without what the first acceleration takes: of
-        the controller's own, or of the nominal links and motors.
+        Its steady part is the first sample less the torque for the initial acceleration. That
+        torque is taken from the controller's own feedforward, or from the nominal links and motors.
+
+        Args:
+            tau_ff: torque at the samples of the motion, motor side [N m], shape (N + 1, n).
         """
         if self.tau_ff is not None:
             jump = self.tau_ff[0] - self.steady_ff
@@ -321,23 +317,29 @@ def make_design(
     motion: Motion | None = None,
     learned: LearnedReference | None = None,
 ) -> Design:
-    """Load, plan and tune what a scenario names: device, plan, model, gains, feedforward.
+    """Load the robot of a scenario, plan its motion, and check that the loop can be simulated.
 
     Args:
-        scenario: checked here once more: it may be made or changed in Python.
-        robot, motion: of the SDF without any deviation; used instead of loading and planning the
-            scenario's own, to save time where many scenarios share them. `robot` is the chosen
-            device: `scenario.device` is not applied to it once more.
-        learned: in place of that of the scenario.
+        scenario: the scenario; it is checked again, as Python code may have changed it.
+        robot: the chosen device without deviations; loaded by default. `scenario.device` is not
+            applied to it again.
+        motion: the planned motion; planned for `robot` by default.
+        learned: a learned reference that replaces that of the scenario.
 
     Raises:
-        InputError: for any bad input on the way.
+        InputError: naming file or field of any bad input.
+
+    Examples:
+        >>> from sdt_drake.run.scenario import load_scenario
+        >>> design = make_design(load_scenario("axis_pi", {"motion": "leans"}))
+        >>> design.gains.kp.tolist()
+        [267.1, 6340.0, 52000.0, 15700.0]
     """
     checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     robot = robot or load_device(scenario)
     check(scenario, _name(scenario), robot.n)
     if motion is None:
-        with within(_name(scenario)):  # before a motion is planned in vain
+        with within(_name(scenario)):  # before the motion is planned, which takes longer
             deviated(robot, scenario.plant.deviation, "plant.deviation")
             deviated(robot, scenario.controller.model, "controller.model")
         motion = plan_of(scenario, robot).motion
@@ -345,10 +347,10 @@ def make_design(
 
 
 def as_design(design: Design | Scenario) -> Design:
-    """A design itself, or that of a scenario.
+    """Return a design after a check, or make that of a scenario.
 
     Raises:
-        InputError: for anything else, and for what `make_design` refuses.
+        InputError: for another type, and as `make_design`.
     """
     if isinstance(design, Scenario):
         return make_design(design)
@@ -361,10 +363,10 @@ def as_design(design: Design | Scenario) -> Design:
 
 
 def load_device(scenario: Scenario) -> Robot:
-    """The robot that planner, controller and plant of a scenario know.
+    """Load the robot of a scenario and apply its choice of motors, gears and structure.
 
     Raises:
-        InputError: for a robot that cannot be used, or fields of the scenario that do not fit it.
+        InputError: if the robot cannot be used, or fields of the scenario do not fit it.
     """
     robot = load_robot(scenario.robot)
     check(scenario, _name(scenario), robot.n)
@@ -373,19 +375,19 @@ def load_device(scenario: Scenario) -> Robot:
 
 
 def _name(scenario: Scenario) -> str:
-    """For errors."""
+    """Return the scenario's name as error messages show it."""
     return f"scenario '{scenario.name}'" if scenario.name else "scenario"
 
 
 def plan_of(scenario: Scenario, robot: Robot) -> Plan:
-    """The plan of the motion that a scenario names.
+    """Plan the motion that a scenario names.
 
     Args:
-        scenario: with period, planner and margin.
-        robot: the chosen device, whose motors' envelope a drive with its own replaces.
+        scenario: gives motion, period, planner and torque margin.
+        robot: the chosen device. The drive's torque-speed envelope replaces that of its motors.
 
     Raises:
-        InputError: for a motion that cannot be used, or that the device cannot do.
+        InputError: if the motion cannot be used, or the device cannot follow it.
     """
     return load_plan(
         scenario.motion,

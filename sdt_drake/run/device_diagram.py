@@ -1,4 +1,4 @@
-"""The device as blocks: drives, joints, a plant and its loads; and the equilibrium at its start."""
+"""The device as blocks (drives, joints, plant, loads), and the equilibrium at its start."""
 
 from __future__ import annotations
 
@@ -29,35 +29,36 @@ from sdt_drake.systems.wiring import Aliases
 
 @dataclass(frozen=True)
 class Device:
-    """Blocks between the limited torque and the state, and what their signals are called.
+    """Blocks from the limited torque to the state, and the names of their signals.
 
-    Two signals are one where no block stands between them.
-
-    Attributes:
-        plant: None for joints that are moved, whatever the torque.
-        elastic_joints, torque_loop: None where there are none.
-        tau, motor_state, measured: names of these signals.
-        aliases: signals of ports with other names.
+    Two signals have the same name if no block stands between them.
     """
 
     plant: RobotPlant | AxisProcess | None = None
+    """The plant; None for prescribed joint motion."""
     elastic_joints: ElasticJoints | None = None
+    """The springs; None if all joints are rigid."""
     torque_loop: TorqueLoop | None = None
+    """The torque loop of the drives; None if the drives are ideal."""
     tau: str = "tau_limited"
+    """Name of the signal of the motors' torque."""
     motor_state: str = "state"
+    """Name of the signal of the motors' positions and speeds."""
     measured: str = "state"
+    """Name of the signal that the encoders measure."""
     aliases: Aliases = field(default_factory=dict)
+    """Names of the signals at ports that are named differently."""
 
 
 def add_device(builder: DiagramBuilder, design: Design, *, torque: str = "tau_limited") -> Device:
     """Add plant, elastic joints and torque loop: from a torque and `true_load` to `state`.
 
-    The plant comes first: its state is the first in the diagram.
+    The plant is added first, so that its state is the first in the diagram.
 
     Args:
-        builder: gets the blocks.
-        design: a resolved scenario.
-        torque: name of the signal that the drives are given.
+        builder: the diagram under construction.
+        design: the design of the loop.
+        torque: name of the torque signal at the drives' input.
     """
     robot, drive, springs = design.robot, design.drive, design.springs
     apart = np.zeros(robot.n, dtype=bool) if springs is None else springs.elastic  # rotors
@@ -95,9 +96,8 @@ def add_device(builder: DiagramBuilder, design: Design, *, torque: str = "tau_li
 
 
 def add_moved(builder: DiagramBuilder, design: Design, q: Array, v: Array) -> Device:
-    """Add a device without a plant: links and motors do what they are said to, whatever the
-    torque."""
-    # A cubic between the samples: what integrates its speed gets its position.
+    """Add prescribed joint motion in place of a plant; q [rad] and v [rad/s], joint side."""
+    # Cubics between the samples, so that the integral of the speed is the position.
     moved = PiecewisePolynomial.CubicHermite(design.reference.time, q.T, v.T)
     builder.AddNamedSystem("moved_joints", TrajectorySource(moved, output_derivative_order=1))
     return Device(aliases={("moved_joints", "y0"): "state"})
@@ -106,12 +106,13 @@ def add_moved(builder: DiagramBuilder, design: Design, q: Array, v: Array) -> De
 def add_loads(
     builder: DiagramBuilder, design: Design, loaded: bool = True
 ) -> tuple[JointFriction | None, Aliases]:
-    """Add what the motors turn against, `true_load`: on the axis plant the load torque of the
-    reference, if it is loaded; disturbance, friction, and `extra_load_torque` from outside, 0 by
-    default.
+    """Add the load of the motors as the signal `true_load`.
+
+    It is the sum of disturbance, friction and `extra_load_torque`, an input that is 0 by default.
+    On the axis plant the load torque of the reference is added if `loaded`.
 
     Returns:
-        The friction, if there is one, and the signals of ports with other names.
+        The friction block or None, and names of the signals at ports that are named differently.
     """
     n, disturbance, friction = design.robot.n, design.scenario.disturbance, None
     parts = ["load_torque"] if loaded and design.scenario.plant.kind == "axis" else []
@@ -134,11 +135,11 @@ def add_loads(
 
 
 def make_process(design: Design) -> Diagram:
-    """What a controller acts on, alone and linear but for the plant: for linear analysis.
+    """Make the open loop for linear analysis, from `tau_cmd` to `measured` and `state`.
 
-    From `tau_cmd` to `measured` (what the encoders are on) and `state` (of the links). Motors do
-    not saturate, and of friction only the viscous part counts: the rest has no frequency response.
-    The plant's state is the first in the diagram.
+    `measured` is the signal that the encoders measure, `state` that of the links. Motors do not
+    saturate. Only viscous friction is included, as the rest has no frequency response. The plant's
+    state is the first in the diagram.
     """
     builder, n = DiagramBuilder(), design.robot.n
     device = add_device(builder, design, torque="tau_cmd")
@@ -156,42 +157,43 @@ def make_process(design: Design) -> Diagram:
 
 # --- the equilibrium that a run starts in -----------------------------------------------------
 
-_ITERATIONS = 10  # of the angle by which gravity turns a link away from its motor
+N_ITERATIONS = 10
+"""Iterations of the angle by which gravity turns a link away from its motor."""
 
 
 class Equilibrium(NamedTuple):
-    """The steady state in which a run starts: joints turn at the speed of the start, and the
-    encoders see its angles.
+    """The steady state at which a run starts; all arrays have the shape (n,).
 
-    Attributes:
-        q, v: of the links, joint side [rad, rad/s], shape (n,).
-        q_motor: of the motors, joint side [rad]; their speed is v.
-        q_seen: of what the encoders are on, joint side [rad].
-        tau: torque of the motors, motor side [N m].
-        tau_cmd: torque asked of the drives, motor side [N m].
+    The joints turn at the initial speed, and the encoders measure the initial angles.
     """
 
     q: Array
+    """Positions of the links, joint side [rad]."""
     v: Array
+    """Speeds of links and motors, joint side [rad/s]."""
     q_motor: Array
+    """Positions of the motors, joint side [rad]."""
     q_seen: Array
+    """Positions that the encoders measure, joint side [rad]."""
     tau: Array
+    """Torque of the motors, motor side [N m]."""
     tau_cmd: Array
+    """Commanded torque, motor side [N m]."""
 
 
 def equilibrium(design: Design, start: Motion, loaded: bool = True) -> Equilibrium:
-    """Return the steady state in which a run of a design starts.
+    """Return the steady state at which a run of a design starts.
 
     Args:
-        design: a resolved scenario.
-        start: one sample, without acceleration.
-        loaded: whether axes have their load torque.
+        design: the design of the loop.
+        start: a motion of one sample without acceleration.
+        loaded: whether the load torque of the reference acts on the axis plant.
     """
     q = seen = start.q[0]
     v, wound = start.v[0], np.zeros(design.robot.n)
     if design.springs is not None:
         axes = design.springs.elastic
-        for _ in range(_ITERATIONS):
+        for _ in range(N_ITERATIONS):
             torque = design.robot.gear_ratio * _holding_torque(design, q, start, loaded)
             wound[axes] = torque[axes] / design.springs.stiffness[axes]
             q = seen if design.scenario.plant.elasticity.encoder == "link" else seen - wound
@@ -202,9 +204,9 @@ def equilibrium(design: Design, start: Motion, loaded: bool = True) -> Equilibri
 
 
 def _holding_torque(design: Design, q: Array, start: Motion, loaded: bool) -> Array:
-    """Torque that keeps joints at angles q at the speed of the start, motor side [N m], (n,)."""
+    """Return the torque that keeps joints at angles q at the initial speed, motor side [N m]."""
     robot, v = design.robot, start.v[0]
-    if design.scenario.plant.kind == "axis":  # which has its load from the reference alone
+    if design.scenario.plant.kind == "axis":  # its load depends on the reference alone
         load = design.steady_load(start) if loaded else np.zeros(robot.n)
     else:
         load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio

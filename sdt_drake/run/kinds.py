@@ -1,4 +1,4 @@
-"""The kinds of controllers, as data: what a scenario must know of each, apart from its wiring."""
+"""The kinds of controllers as data, apart from their wiring: options, needs and plants of each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.io.trust import trusted_code
 
 OPTIONS = ("anti_windup", "feedforward", "position_gain")
-"""Fields of a scenario's `controller` that some kinds take and others do not."""
+"""Fields of a scenario's `controller` that only some kinds accept."""
 
 _LINKS, _MOTORS = "links' masses and geometry", "motors' inertia"
 _LARGEST = "largest inertia of each joint"
@@ -19,28 +19,25 @@ _FEEDFORWARD_NEEDS = {"none": (), "ctc": (_LINKS,), "id": (_LINKS, _MOTORS)}
 
 @dataclass(frozen=True)
 class Kind:
-    """What a scenario must know of a kind of controller.
-
-    Attributes:
-        needs: what must be known to commission it, beside what its feedforward needs.
-        plants: the plants on which it makes sense.
-        options: the fields of OPTIONS that it takes.
-        feedforward: torque feedforward where that is no option: "none", "ctc" or "id".
-        structure: structure of its PI controllers; None where the scenario chooses it.
-        takes_feedforward: whether any torque feedforward can be added to its command.
-        controller: its class, where it does not ship with the package.
-    """
+    """A kind of controller, as scenarios and comparisons need it."""
 
     needs: tuple[str, ...] = ()
+    """Data needed to commission the controller, apart from those for its feedforward."""
     plants: tuple[str, ...] = ("axis", "coupled")
+    """Plants that the controller supports."""
     options: tuple[str, ...] = ()
+    """Fields of OPTIONS that the controller accepts."""
     feedforward: str = "none"
+    """Torque feedforward if it is no option: "none", "ctc" or "id"."""
     structure: str | None = None
+    """Structure of the PI controllers; None if the scenario chooses it."""
     takes_feedforward: bool = False
+    """Whether any torque feedforward can be added to the command."""
     controller: type | None = None
+    """Class of a controller of your own; None for a shipped one."""
 
     def needs_with(self, feedforward: str) -> tuple[str, ...]:
-        """What must be known to commission the controller with a torque feedforward."""
+        """Return the data needed to commission the controller with a torque feedforward."""
         return self.needs + _FEEDFORWARD_NEEDS[feedforward]
 
 
@@ -64,23 +61,24 @@ CONTROLLERS: dict[str, Kind] = {
     ),
     "inverse_dynamics": Kind((_LINKS, _MOTORS, "state of all joints at once"), ("coupled",)),
 }
-"""The kinds by name: those that ship with the package, and those that are registered."""
+"""Kinds by name, shipped and registered."""
 
-_loaded: dict[bytes, dict[str, Kind]] = {}  # what a content has registered
+_loaded: dict[bytes, dict[str, Kind]] = {}
+"""Registered kinds by the content of the file that registered them."""
 
 
 def load_controllers(path: str | Path) -> None:
-    """Run a trusted Python file that registers controllers of one's own; the same content only
-    once.
+    """Run a trusted Python file that registers your own controllers.
+
+    A second file of the same content is not run again.
 
     Raises:
-        InputError: if there is no such file, it is not trusted, or it fails, naming file, line and
-            error.
+        InputError: if the file is missing or not trusted, or fails; with file, line and error.
     """
     file = Path(path)
     content = trusted_code(file)
     if content in _loaded:
-        CONTROLLERS.update(_loaded[content])  # another content may have taken the names
+        CONTROLLERS.update(_loaded[content])  # another file may have registered the same names
         return
     before = dict(CONTROLLERS)
     try:

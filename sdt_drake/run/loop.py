@@ -1,4 +1,4 @@
-"""The closed loops."""
+"""The closed loop of a design as a Drake diagram."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.arguments import a, finite, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice, checked_type
+from sdt_drake.io.errors import InputError, checked_choice
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers import in_errors, make_controller, tells_updates
-from sdt_drake.run.controllers.base import LOOP_SIGNALS, Controller, table_of
+from sdt_drake.run.controllers import make_controller, predicts_updates
+from sdt_drake.run.controllers.base import Controller, table_of
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, equilibrium
+from sdt_drake.run.loop_checks import check_no_tables, checked_controller, checked_moved
 from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems import (
@@ -30,62 +31,69 @@ from sdt_drake.systems import (
     connect_by_name,
     hold_of,
 )
-from sdt_drake.systems.wiring import Aliases, add_logs, systems_in
+from sdt_drake.systems.wiring import Aliases, add_logs
 
 EXTERNAL = "external"
-"""What comes from outside: an input of the loop."""
+"""Option for a reference or controller outside the loop: the loop has an input for it."""
 
 
 class Loop(Diagram):
-    """A closed loop of a design, to simulate, to draw, or to build into a diagram of one's own.
+    """The closed loop of a design, to simulate, to draw, or to build into your own diagram.
 
-    On the plant "axis", the paper's simulation models, all axes in one diagram (Figures 3, 5 and
-    6): each motor turns its own constant inertia against the load torque of the reference, with its
-    limits widened by the alleviating torque. The disturbance makes the true load differ from what
-    is fed forward.
+    The plant "axis" is the paper's simulation model with all axes in one diagram (Figures 3, 5 and
+    6). Each motor turns a constant inertia against the load torque of the reference, and the
+    alleviating torque widens its limits. The disturbance is the difference between the true load
+    and the load that is fed forward.
 
-    On the plant "coupled", the MultibodyPlant under the same controllers: all joints at once,
-    coupled by their dynamics. The coupling torques act physically, so the motors' limits are not
-    widened and nothing loads the motors but the plant; the disturbance and friction act as
-    generalised forces.
+    The plant "coupled" is the MultibodyPlant under the same controllers. Coupling torques act
+    physically, so limits are not widened and no load torque is added. Disturbance and friction act
+    as generalised forces.
 
-    Inputs: `extra_load_torque`, what the motors turn against beside all else, motor side [N m]; 0
-    where nothing is connected. Outputs: `reference`, `state`, `measured` (what the encoders are
-    on), `tau_cmd`, `tau`, as `sdt_drake.systems` says. It logs what a `Recording` holds.
+    Input: `extra_load_torque`, a further load of the motors, motor side [N m]; 0 if it is not
+    connected. Outputs: `reference`, `state`, `measured` (the signal that the encoders measure),
+    `tau_cmd` and `tau`, as `sdt_drake.systems` describes them. The loop logs the signals of a
+    `Recording`.
 
-    With `reference="external"` planner and hold are left out: the input `reference` takes
-    [q_ref, v_ref, vd_ref] of length 3 n, joint side [rad, rad/s, rad/s²], which is in force as it
-    comes. The scenario's motion still says around what the loop is tuned, and how long a run
-    takes. With `controller="external"` the input `tau_cmd` takes the torque, motor side [N m].
+    With `reference="external"` the loop has no planned reference and no hold. Its input `reference`
+    takes [q_ref, v_ref, vd_ref] of length 3 n, joint side [rad, rad/s, rad/s²]. The scenario's
+    motion still determines the tuning and the duration of a run. With `controller="external"` the
+    input `tau_cmd` takes the torque, motor side [N m].
 
     Args:
-        design: a resolved scenario, or one that is resolved here.
-        reference: "planned", or "external": an input.
-        controller: a system of one's own instead of the scenario's controller, see
-            `sdt_drake.run.controllers.Controller` for its ports; or "external": an input.
-        meshcat: to watch the run in.
-        widened: whether the alleviating torque widens the motors' limits; as the plant has it by
-            default.
-        limited: whether the motors have limits. Without, the use of the motors in a `Recording`
-            means nothing.
-        loaded: whether the load torque of the reference loads the motors of the axis plant.
-        moved: q [rad] and v [rad/s] at the samples of the motion, joint side, shape (N + 1, n):
-            what the joints do instead of what the motors make them do. So it is no loop, but shows
-            what the controller asks for then. None by default.
+        design: a design, or a scenario, which is resolved here.
+        reference: "planned", or "external" for an input.
+        controller: your own system instead of the scenario's controller, with ports as in
+            `sdt_drake.run.controllers.Controller`; or "external" for an input.
+        meshcat: a Meshcat that shows the run; none by default.
+        widened: whether the alleviating torque widens the motors' limits; by default on the axis
+            plant.
+        limited: whether the motors have limits. Without limits, peak and saturation in a
+            `Recording` have no meaning.
+        loaded: whether the load torque of the reference acts on the axis plant.
+        moved: prescribed joint motion: q [rad] and v [rad/s] at the samples of the motion, joint
+            side, shape (N + 1, n) each. The motors then have no effect; the log shows what the
+            controller would command. None by default.
 
     Raises:
-        InputError: for a controller with ports that no signals of the loop fit, or with an
-            algebraic loop; for an external reference of a loop that needs tables along the motion.
+        InputError: if the ports of a controller fit no signals of the loop, a controller makes an
+            algebraic loop, or a loop with an external reference needs tables along the motion.
 
     Attributes:
-        design: what it was made from.
+        design: the design of the loop.
         controller: the system that commands the torque.
         widened: whether the alleviating torque widens the motors' limits.
-        updates: times within a period of the drives, or of the reference where they are
-            continuous, at which what the controller gets is updated, from 0 to the period [s].
-        is_told: whether the controller tells its command just after each update from what is
-            logged just before; else a run has to stop there.
+        updates: times of the updates of the controller's inputs within a period, from 0 to the
+            period [s]. The period is that of the drives, or of the reference for continuous drives.
+        predicts_updates: whether the command just after each update follows from the log. Otherwise
+            a run stops at each update.
         logs: sinks by the name of the signal.
+
+    Examples:
+        >>> from sdt_drake.run.design import make_design
+        >>> from sdt_drake.run.scenario import load_scenario
+        >>> loop = Loop(make_design(load_scenario("axis_pi", {"motion": "leans"})))
+        >>> [loop.get_output_port(i).get_name() for i in range(loop.num_output_ports())]
+        ['reference', 'state', 'measured', 'tau_cmd', 'tau']
     """
 
     @takes(
@@ -130,13 +138,13 @@ class Loop(Diagram):
         else:
             add("controller", controller)
         if reference == EXTERNAL:
-            _check_no_tables(design, builder)
+            check_no_tables(design, builder)
         add("dynamic_saturation", _limits(design, widened, limited))
         if moved is None:
             self._device = add_device(builder, design)
             self._friction, loads = add_loads(builder, design, loaded)
         else:
-            self._device = add_moved(builder, design, *_checked_moved(design, moved))
+            self._device = add_moved(builder, design, *checked_moved(design, moved))
             self._friction, loads = None, {}
         self._encoders = _add_encoders(builder, design, controller)
         if meshcat is not None:
@@ -164,7 +172,8 @@ class Loop(Diagram):
         self.logs |= add_logs(builder, each_step, None)
         self.updates = _update_times(design)
         is_planned = reference != EXTERNAL
-        self.is_told = is_planned and len(self.updates) == 2 and tells_updates(controller)
+        is_on_time = len(self.updates) == 2
+        self.predicts_updates = is_planned and is_on_time and predicts_updates(controller)
         for name in ("reference", *states, "tau_cmd", "tau"):
             builder.ExportOutput(signals[name], name)
         builder.BuildInto(self)
@@ -172,21 +181,21 @@ class Loop(Diagram):
 
     @takes(q=finite("(n,)"), v=finite("(n,)"))
     def rest(self, context: Context, q: Array | None = None, v: Array | None = None) -> None:
-        """Start in a steady state, by default on the reference.
+        """Set the state to steady motion, by default along the first sample of the motion.
 
-        What the encoders see is at the angles of the start and moves at its speed, not accelerated:
-        motors carry the load, springs are wound, and integrals give what the feedforward does not.
-        A controller without an integral has no equilibrium there with a wrong model; it starts on
-        the reference all the same.
+        The encoders measure the initial angles and speeds, without acceleration. Motors carry the
+        load, springs are wound, and integrals supply the torque that the feedforward lacks. A
+        controller without an integral starts at the same state, but with a wrong model it is not
+        in equilibrium there.
 
         Args:
-            context: of this diagram.
-            q: angles of the start, joint side [rad], shape (n,); by default those of the first
-                sample of the motion.
-            v: speeds of the start, joint side [rad/s], shape (n,); likewise, 0 where q is given.
+            context: a context of this diagram.
+            q: initial angles, joint side [rad], shape (n,); those of the motion by default.
+            v: initial speeds, joint side [rad/s], shape (n,); by default those of the motion, or 0
+                if q is given.
 
         Raises:
-            InputError: for arrays that are none of the joints.
+            InputError: if an array has another shape or is not finite.
         """
         start = self._start(q, v)
         at = equilibrium(self.design, start or steady(self.design.motion), self._loaded)
@@ -215,7 +224,7 @@ class Loop(Diagram):
             self._table.rest(own(self._table))
 
     def _start(self, q: Array | None, v: Array | None) -> Motion | None:
-        """The sample at which a run starts, where it is given."""
+        """Return the given initial state as a motion of one sample; None if nothing is given."""
         if q is None and v is None:
             return None
         n, first = self.design.robot.n, self.design.motion
@@ -227,11 +236,14 @@ class Loop(Diagram):
         return Motion(first.period, q[None], v[None], np.zeros((1, n)))
 
     def recorded(self, context: Context) -> dict[str, Array]:
-        """Logged signals by name, each of shape (samples, size); context: of this diagram.
+        """Return the logged signals by name, each of shape (samples, size).
 
-        Torques are those just before each update of the drives, or of the reference where they are
-        continuous; at the ends of the integrator's steps they are in "torques", side by side, at
-        the times of "step_time". There an update at which a run has stopped has two rows.
+        Torques are those just before each update of the drives, or of the reference for continuous
+        drives. "torques" has them side by side at the ends of the integrator's steps, at the times
+        "step_time". An update at which a run stopped has two rows there.
+
+        Args:
+            context: a context of this diagram.
         """
         logs = {
             name: sink.GetLog(self.GetSubsystemContext(sink, context))
@@ -246,75 +258,21 @@ class Loop(Diagram):
         return signals | dict(zip(_TORQUES, torques, strict=True))
 
 
-make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`
+make_loop = Loop  # the name beside `make_process` and `make_step_loop`
 
 
 def _made(design: Design, controller: System | str | None) -> System:
-    """The system that commands the torque: of an external controller the input passed through."""
+    """Return the system that commands the torque; a pass-through for an external controller."""
     if isinstance(controller, str) and controller == EXTERNAL:
         return PassThrough(design.robot.n)
     own = make_controller(design) if controller is None else controller
-    return _checked_controller(design, cast(System, own))  # which refuses a text
-
-
-def _checked_controller(design: Design, controller: System) -> System:
-    checked_type(controller, System, "controller", "calling its class")
-    where, n = in_errors(design, type(controller)), design.robot.n
-    ports = map(controller.get_output_port, range(controller.num_output_ports()))
-    outputs = {port.get_name(): port.size() for port in ports}
-    if outputs != {"tau_cmd": n}:
-        told = ", ".join(f"{name} of length {size}" for name, size in outputs.items())
-        raise InputError(
-            f"{where}: outputs: {told or 'none'}, expected tau_cmd of length {n} alone"
-        )
-    inputs = map(controller.get_input_port, range(controller.num_input_ports()))
-    for name in (port.get_name() for port in inputs):
-        if name not in LOOP_SIGNALS:
-            raise InputError(
-                f"{where}: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"
-            )
-        port = int(controller.GetInputPort(name).get_index())
-        if name == "tau_limited" and controller.HasDirectFeedthrough(port, 0):
-            raise InputError(
-                f"{where}: tau_cmd depends on tau_limited at once, and that on tau_cmd: an "
-                "algebraic loop; expected prerequisites_of_calc of tau_cmd without tau_limited"
-            )
-    return controller
+    return checked_controller(design, cast(System, own))  # refuses a text
 
 
 def _add_input(builder: DiagramBuilder, name: str, block: PassThrough) -> None:
-    """Add an input of the diagram as the signal of that name."""
+    """Add an input of the diagram, and the signal of the same name."""
     builder.AddNamedSystem(name, block)
     builder.ExportInput(block.get_input_port(), name)
-
-
-def _check_no_tables(design: Design, builder: DiagramBuilder) -> None:
-    """Refuse what is only known along the planned motion."""
-    if design.scenario.plant.kind == "axis":
-        raise InputError(
-            "'external', but the axis plant has its load from the planned motion; expected "
-            "plant.kind coupled",
-            place="reference",
-        )
-    for block in builder.GetSystems():
-        for table in systems_in(block):
-            if isinstance(table, SignalTable):
-                raise InputError(
-                    f"'external', but {table.get_name()} is computed along the planned motion; "
-                    "expected inverse_dynamics online, and a controller without a schedule or a "
-                    "learned torque",
-                    place="reference",
-                )
-
-
-def _checked_moved(design: Design, moved: tuple[Array, Array]) -> tuple[Array, Array]:
-    shape = design.motion.q.shape
-    arrays = cast(Array, finite("(2, N + 1, n)")(moved, "moved"))
-    if arrays.shape != (2, *shape):
-        raise InputError(
-            f"of shape {arrays.shape}, expected (2, {shape[0]}, {shape[1]})", place="moved"
-        )
-    return arrays[0], arrays[1]
 
 
 _TORQUES = ("tau_cmd", "tau_limited", "tau")
@@ -329,24 +287,26 @@ _SIGNALS: Aliases = {
     ("encoder", "measured"): "drive_state",
     ("position_encoder", "measured"): "sampled_state",
 }
-"""Signals of ports that are called otherwise, the same in every loop."""
+"""Names of the signals at ports that are named differently, in every loop."""
 
 
 def _update_times(design: Design) -> Array:
+    """Return the times of updates within a period of the drives [s]; see `Loop.updates`."""
     drive = design.drive
     period = drive.period or design.reference.period
-    late = drive.reference_delay % period  # the reference arrives within
+    late = drive.reference_delay % period  # when the reference arrives
     on_time = min(late, period - late) < 1e-6 * period
     return np.array([0.0, period] if on_time else [0.0, late, period])
 
 
-_NO_LIMIT = 1e9  # times the motors' torque
+NO_LIMIT = 1e9
+"""Factor on the torque limit of motors that are not limited."""
 
 
 def _limits(design: Design, widened: bool, limited: bool) -> DynamicSaturation:
     robot, envelope = design.robot, design.envelope if limited else None
     return DynamicSaturation(
-        motor_torque_limit=(1.0 if limited else _NO_LIMIT) * robot.motor_torque_limit,
+        motor_torque_limit=(1.0 if limited else NO_LIMIT) * robot.motor_torque_limit,
         gear_ratio=robot.gear_ratio,
         n1=None if envelope is None else envelope.n1,
         n0=None if envelope is None else envelope.n0,
@@ -357,8 +317,10 @@ def _limits(design: Design, widened: bool, limited: bool) -> DynamicSaturation:
 def _add_load_torque(
     builder: DiagramBuilder, design: Design, controller: System, widened: bool
 ) -> SignalTable | None:
-    """Add load torque and alleviating torque of the reference, where the loop needs them: a table,
-    or on line. Returns the table."""
+    """Add load torque and alleviating torque of the reference if needed; return their table.
+
+    They are computed before the run, or online by a block; the result is None then.
+    """
     scenario = design.scenario
     is_load = scenario.plant.kind == "axis" or scenario.disturbance.amplitude > 0
     names = ["load_torque"] if is_load or controller.HasInputPort("load_torque") else []
@@ -374,8 +336,10 @@ def _add_load_torque(
 
 
 def _add_encoders(builder: DiagramBuilder, design: Design, controller: System) -> list[Encoder]:
-    """Add encoders: of the drives, if they sample, and at the instants of the reference, if the
-    controller needs that."""
+    """Add the encoders of sampled drives, and an encoder at the instants of the reference.
+
+    The latter is added if the controller has an input for it.
+    """
     drive, robot = design.drive, design.robot
     periods = {} if drive.period is None else {"encoder": drive.period}
     if controller.HasInputPort("sampled_state"):

@@ -1,4 +1,4 @@
-"""Torque of the motors within the periods of a run, from its values at the ends of all steps."""
+"""Torque of the motors within each period, from values logged at the integrator's steps."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop
 from sdt_drake.systems import mean_torque
 
-_HAIR = 1e-6  # of a period: just before or after an instant
+_MARGIN = 1e-6
+"""Distance from an instant to look just before or after it [interpolation periods]."""
 
 
 def period_torque(loop: Loop, signals: Mapping[str, Array]) -> dict[str, Array]:
-    """Return what the motors give in each period of the reference, limits and drives included.
+    """Return torque and saturation of the motors in each period of the reference.
 
-    In a step of the integrator the torque is the parabola through its values at both ends with the
-    mean of the meter, and the command a straight line, as its limits are. The peak is the largest
-    torque at the ends of steps.
+    Within a step of the integrator, the torque is taken as the parabola through its values at both
+    ends with the mean that the meter gives. Command and limits are taken as straight lines. The
+    peak is the largest torque at the ends of steps.
 
     Args:
-        loop: that was run.
-        signals: what it recorded.
+        loop: the loop that was run.
+        signals: the signals that it recorded, see `Loop.recorded`.
 
     Returns:
         Columns of a `Recording`, motor side, shape (N + 1, n): tau_peak, tau_rms, tau_mean [N m]
-        and saturated [-], the share of the time.
+        and saturated, the saturated share of the period [-].
     """
     steps, period = _steps(loop, signals), loop.design.reference.period
     mean = mean_torque(steps.metered, loop.design.robot.motor_torque_limit, steps.span)
@@ -39,7 +40,7 @@ def period_torque(loop: Loop, signals: Mapping[str, Array]) -> dict[str, Array]:
     above, below = steps.tau_cmd - steps.upper, steps.lower - steps.tau_cmd
     saturated = _share_above_zero(above) + _share_above_zero(below)
     ends = np.arange(round(signals["step_time"][-1] / period)) * period
-    first = np.searchsorted(steps.begin, ends - _HAIR * period)
+    first = np.searchsorted(steps.begin, ends - _MARGIN * period)
 
     def over_periods(x: Array) -> Array:
         return np.add.reduceat(x * steps.span, first) / period
@@ -55,72 +56,72 @@ def period_torque(loop: Loop, signals: Mapping[str, Array]) -> dict[str, Array]:
 
 
 class _Steps(NamedTuple):
-    """Signals at both ends of M steps of the integrator, motor side, each of shape (2, M, n).
-
-    Attributes:
-        begin: time at which each begins [s], shape (M,).
-        span: length of each [s], shape (M, 1).
-        tau_cmd, tau: torque asked for, and as the drives give it [N m].
-        metered: integral of the meter.
-        lower, upper: least and largest torque that the saturation lets pass [N m].
-    """
+    """Signals at both ends of M steps of the integrator, motor side, shape (2, M, n)."""
 
     begin: Array
+    """Start of each step [s], shape (M,)."""
     span: Array
+    """Length of each step [s], shape (M, 1)."""
     tau_cmd: Array
+    """Commanded torque [N m]."""
     tau: Array
+    """Torque of the motors [N m]."""
     metered: Array
+    """Integral of the meter."""
     lower: Array
+    """Lower limit of the saturation [N m]."""
     upper: Array
+    """Upper limit of the saturation [N m]."""
 
 
 def _steps(loop: Loop, signals: Mapping[str, Array]) -> _Steps:
+    """Return the steps of the integrator, without the zero-length ones at updates."""
     time, design = signals["step_time"], loop.design
-    begin = np.flatnonzero(np.diff(time) > 0)  # of two rows at an update, the later
+    begin = np.flatnonzero(np.diff(time) > 0)  # the later of two rows at an update
     rows = np.stack([begin, begin + 1])
-    after_or_before = np.array([[_HAIR], [-_HAIR]])
+    after_or_before = np.array([[_MARGIN], [-_MARGIN]])
     newest = arrived(design, time[rows], after_or_before)
     tau_cmd, _, tau, metered = np.split(signals["torques"][rows], 4, axis=-1)
-    speed = np.zeros_like(tau)  # of no interest without an envelope
+    speed = np.zeros_like(tau)  # not used without an envelope
     if "motor_state" in signals:
         speed = np.split(signals["motor_state"][rows], 2, axis=-1)[1]
     limits = torque_limits(design, newest, speed, loop.widened)
     lower, upper = (np.broadcast_to(limit, tau.shape) for limit in limits)
     span = np.diff(time)[begin, None]
     steps = _Steps(time[begin], span, tau_cmd, tau, metered, lower, upper)
-    if loop.is_told:
-        _tell_starts(loop, signals, steps)
+    if loop.predicts_updates:
+        _set_starts(loop, signals, steps)
     return steps
 
 
-def _tell_starts(loop: Loop, signals: Mapping[str, Array], steps: _Steps) -> None:
-    """Let steps begin with the torque just after an update, as the controller tells it."""
+def _set_starts(loop: Loop, signals: Mapping[str, Array], steps: _Steps) -> None:
+    """Set the torque at the start of steps to that just after an update, from the controller."""
     drive, period = loop.design.drive, loop.updates[-1]
     updates = np.arange(len(signals["tau_cmd"]) - 1) * period
-    first = np.searchsorted(steps.begin, updates - _HAIR * period)
-    newest = arrived(loop.design, updates, _HAIR)
+    first = np.searchsorted(steps.begin, updates - _MARGIN * period)
+    newest = arrived(loop.design, updates, _MARGIN)
     controller = cast(Controller, loop.controller)
     after = controller.after_updates(signals["tau_cmd"], signals["measured"], newest)
     steps.tau_cmd[0, first] = after
-    if drive.torque_bandwidth is None:  # else it does not jump
+    if drive.torque_bandwidth is None:  # a torque loop does not jump
         error = np.array(0.0 if drive.torque_error is None else drive.torque_error)
         limited = np.clip(after, steps.lower[0, first], steps.upper[0, first])
         steps.tau[0, first] = (1 + error) * limited
 
 
 def _share_above_zero(ends: Array) -> Array:
-    """Share of each step for which a line between its ends, shape (2, ...), is above 0."""
+    """Return the share of each step in which the line between its ends, (2, ...), exceeds 0."""
     above, below = np.maximum(ends.max(axis=0), 0), np.minimum(ends.min(axis=0), 0)
     return np.divide(above, above - below, out=np.zeros_like(above), where=above > 0)
 
 
-def arrived(design: Design, time: Array, margin: float | Array = -_HAIR) -> Index:
-    """Return the sample of the reference that a loop has just before a time.
+def arrived(design: Design, time: Array, margin: float | Array = -_MARGIN) -> Index:
+    """Return the newest sample of the reference that has arrived just before a time.
 
     Args:
-        design: of the loop.
-        time: [s], shape (...).
-        margin: periods by which to look after each time; before it where negative.
+        design: the design of the loop.
+        time: times [s], shape (...).
+        margin: shift of each time [interpolation periods]; negative for just before.
     """
     periods = (time - design.drive.reference_delay) / design.reference.period
     return np.maximum(np.floor(periods + margin).astype(int), 0)
@@ -129,17 +130,16 @@ def arrived(design: Design, time: Array, margin: float | Array = -_HAIR) -> Inde
 def torque_limits(
     design: Design, newest: Index, speed: Array, widens: bool | None = None
 ) -> tuple[Array, Array]:
-    """Least and largest torque that the saturation lets pass, motor side [N m].
+    """Return lower and upper torque limit of the saturation, motor side [N m].
 
     Args:
-        design: of the loop.
-        newest: samples of the reference that have arrived, shape (...); see `arrived`.
-        speed: of the joints, on the motors' side of elastic ones, joint side [rad/s], (..., n).
-        widens: whether the help of the other motors widens the limits; as the plant has it by
-            default.
+        design: the design of the loop.
+        newest: newest samples of the reference, shape (...); see `arrived`.
+        speed: speed of the motors, joint side [rad/s], shape (..., n).
+        widens: whether the alleviating torque widens the limits; by default on the axis plant.
 
     Returns:
-        Both of shape (..., n), or (n,) where they are constant.
+        Two arrays of shape (..., n), or (n,) if the limits are constant.
     """
     limits = envelope(design, speed)
     if design.scenario.plant.kind == "axis" if widens is None else widens:
@@ -148,7 +148,7 @@ def torque_limits(
 
 
 def envelope(design: Design, speed: Array) -> tuple[Array, Array]:
-    """Least and largest torque of the motors alone, motor side [N m]; see `torque_limits`."""
+    """Return lower and upper torque limit of the motors alone, motor side [N m], (..., n)."""
     limit = design.robot.motor_torque_limit
     if design.envelope is None:
         return -limit, limit

@@ -1,5 +1,7 @@
-"""Plant data that depends on the motion (torques, springs), and checks that refuse a reference that
-does not fit and loops too stiff to simulate."""
+"""Plant data along the motion (torques, springs), and checks of reference and stiffness.
+
+The checks reject a reference that does not fit the robot and loops that are too stiff to simulate.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,9 @@ _along: WeakKeyDictionary[Motion, WeakKeyDictionary[Robot, TorqueGroups]] = Weak
 
 
 def torques_along(robot: Robot, motion: Motion) -> TorqueGroups:
-    """Inverse dynamics of the links of a robot along a motion, joint side.
+    """Return the inverse dynamics of a robot's links along a motion, joint side.
 
-    They are computed once, and kept as long as both are.
+    The result is cached as long as robot and motion exist.
     """
     known = _along.setdefault(motion, WeakKeyDictionary())
     if robot not in known:
@@ -47,12 +49,14 @@ def steady(motion: Motion) -> Motion:
 
 
 def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs | None:
-    """The springs, from the inertia that each sees where it is largest along the motion.
+    """Return the springs of the joints; None if all joints are rigid.
+
+    A spring has the stated frequency where the inertia of its link is largest along the motion.
 
     Args:
-        scenario: gives frequency and damping.
-        robot: the nominal one: another payload does not change the springs, but the frequency.
-        motion: the reference.
+        scenario: gives frequencies and damping ratios.
+        robot: the nominal robot; another payload changes the frequencies, not the springs.
+        motion: the planned or learned motion.
 
     Raises:
         InputError: for an elastic joint without rotor or link inertia.
@@ -81,28 +85,29 @@ def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs |
 
 # --- poles -----------------------------------------------------------------------------------
 
-_FASTEST = 1000.0  # rad per interpolation period; far beyond what a drive could do
+MAX_POLE = 1000.0
+"""Largest pole of a loop [rad per interpolation period]; no real drive is as fast."""
 
 
 def check_poles(
     scenario: Scenario, robot: Robot, gains: SpeedGains, i_eff: Array, springs: Springs | None
 ) -> None:
-    """Refuse a loop with a pole beyond _FASTEST.
+    """Check that no pole of a loop exceeds MAX_POLE.
 
     Args:
-        scenario: says what there is.
-        robot: what moves.
-        gains: of its speed loops, motor side.
+        scenario: gives friction, elasticity and drive.
+        robot: the simulated robot.
+        gains: gains of the speed loops, motor side.
         i_eff: smallest inertia of each motor, motor side [kg m²], shape (n,).
-        springs: of its joints, None if all are rigid.
+        springs: springs of the joints; None if all joints are rigid.
 
     Raises:
-        InputError: naming the field that gives the pole.
+        InputError: naming the field that causes the pole.
     """
     at_motor = i_eff
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if springs is not None:
-            # Above the spring's frequency the motor has nothing but its rotor to turn.
+            # Above the spring's frequency the motor accelerates its rotor alone.
             at_motor = np.where(springs.elastic, robot.rotor_inertia, i_eff)
             for name, poles in (
                 ("natural_frequency", np.sqrt(springs.stiffness / robot.reflected_inertia)),
@@ -119,7 +124,7 @@ def check_poles(
 
 
 def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
-    """The same for friction and drive; i_eff motor side [kg m²]."""
+    """Check the poles of friction and drive; i_eff is on the motor side [kg m²], shape (n,)."""
     inertia = robot.gear_ratio**2 * i_eff
     if not scenario.plant.friction.is_none:
         friction = friction_parameters(scenario.plant.friction, robot.n)
@@ -144,26 +149,25 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
 
 
 def _check_pole(scenario: Scenario, poles: Array, place: str, cause: str = "gives") -> None:
-    if np.any(poles * scenario.period > _FASTEST):
+    if np.any(poles * scenario.period > MAX_POLE):
         k = int(np.argmax(poles))
         raise InputError(
             f"{cause} joint {k + 1} a pole at {poles[k]:.3g} rad/s, expected less than "
-            f"{_FASTEST / scenario.period:.3g}",
+            f"{MAX_POLE / scenario.period:.3g}",
             place=place,
         )
 
 
 def check_reference(scenario: Scenario, robot: Robot, motion: Motion) -> None:
-    """Refuse a motion of other joints, NaN, where Drake ends the process, and a reference that
-    never arrives.
+    """Check that a reference fits the robot, is finite, and arrives before the motion ends.
+
+    Drake would end the process at NaN.
 
     Raises:
         InputError: naming joint and time, or the field.
     """
     if motion.n != robot.n:
-        raise InputError(
-            f"of {motion.n} joint(s), robot '{robot.name}' has {robot.n}", place="motion"
-        )
+        raise InputError(f"{motion.n} joint(s), robot '{robot.name}' has {robot.n}", place="motion")
     for name in ("q", "v", "vd"):
         for i, k in np.argwhere(~np.isfinite(getattr(motion, name))):
             raise InputError(
@@ -172,6 +176,6 @@ def check_reference(scenario: Scenario, robot: Robot, motion: Motion) -> None:
     delay = scenario.drive.reference_delay
     if delay >= motion.duration:
         raise InputError(
-            f"{delay:g} s, but the motion ends at {motion.duration:g} s",
+            f"{delay:g} s, expected less than the motion's duration, {motion.duration:g} s",
             place="drive.reference_delay",
         )

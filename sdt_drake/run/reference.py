@@ -1,4 +1,4 @@
-"""The reference of a loop: what flights have taught, and its clock, which drives share."""
+"""The reference of a loop: planned or learned, on a clock that it shares with the drives."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 
-_BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-10 of itself at most
+_PERIOD_BITS = 31
+"""Bits of a rounded period: 2^22 multiples are exact, and the relative rounding is below 5e-10."""
 
 
 def taught_reference(
     scenario: Scenario, nominal: Robot, wanted: Motion, given: LearnedReference | None
 ) -> LearnedReference:
-    """Return the learned reference: the given one, or that of the scenario's file; else the planned
-    motion.
+    """Return the given learned reference, that of the scenario's file, or the planned motion.
 
     Raises:
-        InputError: for what was learned of another motion, or is beyond a limit.
+        InputError: if it was learned from another motion, or exceeds a limit.
     """
     robot, margin = as_driven(nominal, scenario.drive), scenario.torque_margin
     if given is not None:
@@ -37,13 +37,12 @@ def taught_reference(
 
 
 def held_reference(scenario: Scenario, motion: Motion) -> Motion:
-    """Return a motion with the speeds that the scenario says, on the clock of the loop, whose
-    period is that of the motion to 1e-9 of it.
+    """Return the motion that the loop holds: with the scenario's held speeds, on the loop's clock.
 
-    What samples at multiples of different periods has to meet, to the last bit: of two updates at
-    one instant neither sees the other, and one that comes a bit later does. So where the drives
-    sample several times per interpolation period, their period is rounded to so few bits that all
-    multiples of both are exact.
+    Updates at the same instant do not see each other, but an update one bit later does. Instants of
+    drives and reference must therefore agree to the last bit. So if the drives sample several times
+    per interpolation period, the drive period is rounded to few bits, which makes all multiples of
+    both periods exact. The period changes by less than 1e-9 of itself.
     """
     if scenario.held_speed == "mean":
         mean = np.diff(motion.q, axis=0) / motion.period
@@ -52,12 +51,12 @@ def held_reference(scenario: Scenario, motion: Motion) -> Motion:
     if samples == 1:
         return motion
     mantissa, exponent = math.frexp(motion.period / samples)
-    exact = math.ldexp(round(math.ldexp(mantissa, _BITS)), exponent - _BITS)
+    exact = math.ldexp(round(math.ldexp(mantissa, _PERIOD_BITS)), exponent - _PERIOD_BITS)
     return replace(motion, period=samples * exact)
 
 
 def drive_on_clock(drive: Drive, reference: Motion) -> Drive:
-    """Return a drive with the period and the delay that belong to a held reference."""
+    """Return a drive with period and delay rounded to the clock of a held reference."""
     if drive.period is None:
         return drive
     period, delay = reference.period / _samples(drive, reference), drive.reference_delay
@@ -67,5 +66,5 @@ def drive_on_clock(drive: Drive, reference: Motion) -> Drive:
 
 
 def _samples(drive: Drive, motion: Motion) -> int:
-    """Number of drive samples per interpolation period."""
+    """Return the number of drive samples per interpolation period."""
     return 1 if drive.period is None else round(motion.period / drive.period)

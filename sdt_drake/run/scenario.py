@@ -1,4 +1,4 @@
-"""A complete run as data: robot, motion, plant, controller, disturbance; YAML in and out."""
+"""A run as data (robot, motion, plant, controller, disturbance), read from and written to YAML."""
 
 import copy
 import functools
@@ -45,21 +45,21 @@ HELD_SPEEDS = ("start", "mean")
 
 @dataclass
 class PlantChoice(Input):
-    """What moves: axes on their own, or the whole coupled robot, with what is not ideal of them."""
+    """The simulated plant: single axes or the whole coupled robot, with all that is not ideal."""
 
     kind: Annotated[str, OneOf(PLANTS)] = "axis"
-    """"axis", each motor on its own with constant inertia and the load torque of the reference
-    (the paper's models), or "coupled", the MultibodyPlant."""
+    """"axis": each motor turns a constant inertia against the load torque of the reference, as in
+    the paper's models. "coupled": the MultibodyPlant."""
     i_eff: EachJoint[Positive] | None = setting(None, unit="kg m²", side="motor")
-    """For "axis": inertia that each motor turns; by default the largest along the motion. The
-    coupled plant has its own from the SDF."""
+    """Inertia that each motor turns on the plant "axis"; by default the largest along the motion.
+    The coupled plant takes its inertia from the SDF."""
     friction: Friction = setting(Friction)
-    """In the joints; none by default."""
+    """Friction in the joints; none by default."""
     elasticity: Elasticity = setting(Elasticity)
-    """Of the joints, which are rigid by default."""
+    """Elasticity of the joints; rigid by default."""
     deviation: Deviation = setting(Deviation)
-    """What the real links have otherwise than the SDF says; planner and controller do not know
-    it. Nothing by default."""
+    """Deviations of the simulated robot from the SDF. Planner and controller do not use them. None
+    by default."""
 
     def problems(self) -> Problems:
         if self.kind == "coupled" and self.i_eff is not None:
@@ -68,47 +68,48 @@ class PlantChoice(Input):
 
 @dataclass
 class ControllerChoice(Input):
-    """What drives the plant: kind, gains, feedforward and model of the controller."""
+    """The controller: kind, gains, feedforward and model."""
 
     kind: Text = setting("pi", examples=[*CONTROLLERS])
-    """Name of a controller; one of the package, or one that `file` registers."""
+    """Name of a controller: a shipped one, or one that `file` registers."""
     file: Annotated[str, FileOf("controllers")] = ""
-    """Python file that registers controllers of one's own, which is run once it is trusted;
-    relative to the scenario's own folder. None by default."""
+    """Python file that registers your own controllers, relative to the scenario's folder. It is run
+    once it is trusted. None by default."""
     structure: Annotated[str, OneOf(STRUCTURES)] = "p_in_feedback"
-    """Of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the error. The
-    kinds "pi_id" and "p_pi" always have both gains on the error."""
+    """Structure of the PI controller: "p_in_feedback" (Figure 5), or "pi" with both gains on the
+    error. The kinds "pi_id" and "p_pi" always use "pi"."""
     omega_r: Positive | None = setting(None, unit="rad/s")
-    """Lowest natural frequency of the structure, of the SDF as it is; a chosen device scales
-    it. The gains follow from it."""
+    """Lowest natural frequency of the robot's structure, for the SDF without changes. A chosen
+    device scales it. The gains are tuned to it."""
     omega_ratio: Positive = setting(0.5, unit="-")
-    """omega_n / omega_r at the largest inertia."""
+    """Ratio omega_n / omega_r at the largest inertia."""
     zeta: EachJoint[Positive] | None = setting(None, unit="-")
     """Damping ratio at the largest inertia; 1 by default."""
     kp: EachJoint[Positive] | None = setting(None, unit="N m s/rad", side="motor")
-    """Proportional gain K_PS; with ki instead of omega_r, omega_ratio and zeta."""
+    """Proportional gain K_PS. kp and ki replace omega_r, omega_ratio and zeta."""
     ki: EachJoint[Positive] | None = setting(None, unit="N m/rad", side="motor")
     """Integral gain K_IS."""
     anti_windup: bool = False
-    """Whether the integral of the PI controller follows the torque that the motor can give
-    (back-calculation)."""
+    """Anti-windup: whether back-calculation limits the integral of the PI controller while
+    the motor saturates."""
     feedforward: Annotated[str, OneOf(FEEDFORWARDS)] | None = None
-    """Torque feedforward of the kinds "p_pi" and "pi_scheduled", which leave it open: "none"
-    (default), "ctc" or "id"."""
+    """Torque feedforward of the kinds "p_pi" and "pi_scheduled": "none" (default), "ctc",
+    "id"."""
     feedforward_gain: EachJoint[Number] | None = setting(None, unit="-")
     """Factor on the torque feedforward; 1 by default."""
     friction_compensation: bool = False
-    """Whether the plant's friction, at the speed of the reference, is part of the feedforward."""
+    """Friction compensation: whether the feedforward includes the plant's friction at the speed of
+    the reference."""
     position_gain: EachJoint[Positive] | None = setting(None, unit="1/s")
-    """K_V of the kind "p_pi"; omega_n / 4 by default."""
+    """Position gain K_V of the kind "p_pi"; omega_n / 4 by default."""
     model: Deviation = setting(Deviation)
-    """What the controller's model of the robot gets wrong; nothing by default."""
+    """Errors of the controller's model of the robot; none by default."""
 
     @classmethod
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> Schema:
-        """State in the JSON Schema that other kinds than the package's need a file."""
+        """Require a file in the JSON Schema for kinds that are not shipped."""
         made = handler(schema)
         own = handler.resolve_ref_schema(made)
         own["if"] = {"required": ["file"]}
@@ -122,7 +123,7 @@ class ControllerChoice(Input):
             yield "kind", f"'{self.kind}', expected one of {', '.join(CONTROLLERS)}"
             return
         yield from self._gain_problems()
-        # What the chosen kind of controller would not use.
+        # Options that the chosen kind would not use.
         for option in fields(self):
             takers = [kind for kind, c in CONTROLLERS.items() if option.name in c.options]
             is_option = option.name in OPTIONS and self.kind not in takers
@@ -143,23 +144,22 @@ class ControllerChoice(Input):
 
     @property
     def feedforward_in_use(self) -> str:
-        """The feedforward, one of FEEDFORWARDS: the chosen one, or that of the kind."""
+        """The feedforward in use, one of FEEDFORWARDS: the chosen one, or that of the kind."""
         return self.feedforward or CONTROLLERS[self.kind].feedforward
 
     @property
     def takes_feedforward(self) -> bool:
-        """Whether it has a place for any torque feedforward, as PI loops have."""
+        """True if any torque feedforward can be added to the command, as in PI loops."""
         return CONTROLLERS[self.kind].takes_feedforward
 
     @property
     def structure_in_use(self) -> str:
-        """The structure of the PI controller: that of the kind, or the chosen one."""
+        """The structure of the PI controller in use: that of the kind, or the chosen one."""
         return CONTROLLERS[self.kind].structure or self.structure
 
     @property
     def label(self) -> str:
-        """Short name of the controller: the kind, and the feedforward where it was chosen;
-        "p_pi+id"."""
+        """Short name of the controller: kind and chosen feedforward, such as "p_pi+id"."""
         chosen = self.feedforward not in (None, "none")
         return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
@@ -169,9 +169,9 @@ class DisturbanceChoice(Input):
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t))."""
 
     amplitude: Number = setting(0.0, ge=0, le=10, unit="-")
-    """A, share of the load torque."""
+    """Amplitude A as a share of the load torque."""
     omega_d: NotNegative = setting(6.283185307179586, unit="rad/s")
-    """Frequency of the error, the same on every axis."""
+    """Angular frequency of the error, the same on every axis."""
 
 
 @dataclass(repr=False)
@@ -179,48 +179,48 @@ class Scenario(Input, Shown):
     """A run: robot, motion, controller, drive and plant."""
 
     name: str = ""
-    """Short name; that of the file by default."""
+    """Short name; the name of the file by default."""
     robot: Annotated[Text, FileOf("robot")] = DEFAULT_ROBOT
-    """SDF or URDF file, relative to the scenario's own folder; or the name of one that ships
-    with the package."""
+    """SDF or URDF file, relative to the scenario's folder, or the name of a shipped robot."""
     device: DeviceChoice = setting(DeviceChoice)
-    """Motors, gears and structure other than those of the SDF."""
+    """Motors, gears and structure that replace those of the SDF."""
     motion: Annotated[Text, FileOf("motion")] = "package://sdt/motions/reference.yaml"
-    """What is commanded (.yaml, will be planned) or a planned motion (.csv), likewise."""
+    """Motion profile (.yaml), which is planned, or planned motion (.csv), relative to the
+    scenario's folder, or the name of a shipped motion."""
     learned: Annotated[str, FileOf("learned")] = ""
-    """CSV file of what flights of that motion have taught (`sdt-drake learn`): the reference
-    that the controller gets in its place. Errors are still those against the motion. None by
+    """CSV file of a learned reference for that motion, written by `sdt-drake learn`. The controller
+    tracks it in place of the motion. Errors are still measured against the motion. None by
     default."""
     period: Positive = setting(0.005, unit="s")
-    """Interpolation period of planner, hold and log."""
+    """Interpolation period, used by planner, hold and log."""
     held_speed: Annotated[str, OneOf(HELD_SPEEDS)] = "start"
-    """Of the reference, which the controller gets for each period: "start", that of the sample
-    that begins it, as in the paper, and so late by half a period where joints accelerate; or
-    "mean", (q_ref of the next sample - q_ref) / period, as set points of drives have it. Errors
-    are against the motion either way."""
+    """Speed of the reference within each period. "start" is the speed at its start, as in the
+    paper; it lags by half a period while joints accelerate. "mean" is (q_ref of the next
+    sample - q_ref) / period, as in set points of drives. Errors are measured against the motion in
+    both cases."""
     torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
-    """Share of the motors' torque that the planner may use."""
+    """Share of the motors' torque limit that the planner may use."""
     planner: Annotated[str, OneOf(tuple(PLANNERS))] = "limiter"
-    """"limiter", the paper's, which keeps the time where it can, or "retiming", which keeps the
-    path and slows down."""
+    """"limiter": the paper's planner, which keeps the timing where the limits allow it. "retiming":
+    keeps the path and slows down."""
     algorithm: Annotated[str, OneOf(SIGNS)] = "consistent"
-    """Sign of Algorithm 1's third branch, "consistent" or "printed"."""
+    """Sign of the third branch of Algorithm 1: "consistent", or "printed" as in the paper."""
     inverse_dynamics: Annotated[str, OneOf(INVERSE_DYNAMICS)] = "table"
-    """"table", load torques computed before the run, or "online", by a block."""
+    """"table": load torques are computed before the run. "online": a block computes them."""
     accuracy: Number = setting(0.0001, ge=1e-12, le=0.01, unit="rad/s")
-    """Of the integrator: speeds are good to it, positions to a tenth of it in rad."""
+    """Accuracy of simulated speeds. Positions are accurate to a tenth of its value in rad."""
     plant: PlantChoice = setting(PlantChoice)
-    """What moves."""
+    """The simulated plant."""
     drive: Drive = setting(Drive)
-    """Of the motors; ideal by default."""
+    """Drives of the motors; ideal by default."""
     controller: ControllerChoice = setting(ControllerChoice)
-    """What drives it."""
+    """The controller of the plant."""
     disturbance: DisturbanceChoice = setting(DisturbanceChoice)
-    """What the model does not know."""
+    """Load torque that is missing in the model; none by default."""
 
     def problems(self) -> Problems:
         controller, fastest = self.controller, 100 / self.period
-        if self.disturbance.omega_d > fastest:  # the integrator would have to follow it
+        if self.disturbance.omega_d > fastest:  # the integrator would need tiny steps
             yield (
                 "disturbance.omega_d",
                 f"{self.disturbance.omega_d:g}, expected at most {fastest:g} [rad/s]",
@@ -247,18 +247,24 @@ class Scenario(Input, Shown):
 def load_scenario(
     path: str | Path, changes: Mapping[str, Any] | None = None, *, trust: bool = False
 ) -> Scenario:
-    """A scenario from YAML, or the shipped one of a name; relative paths in the file start from its
-    folder, and become absolute.
+    """Load a scenario from YAML by file or short name.
+
+    Relative paths in the file start from its folder and become absolute.
 
     Args:
-        path: name or file.
-        changes: values to be had instead of the file's, or besides, by their dotted names:
-            {"controller.kind": "p_pi", "controller.zeta[2]": 0.9}; checked as if they stood in the
-            file, but relative paths start from the working directory.
-        trust: whether the Python file that it may name as `controller.file` is run unasked.
+        path: YAML file, or short name of a shipped scenario.
+        changes: values of fields by dotted names, which replace those of the file or are added:
+            {"controller.kind": "p_pi", "controller.zeta[2]": 0.9}. Relative paths in them start
+            from the working directory.
+        trust: whether to run the Python file that `controller.file` names without asking.
 
     Raises:
-        InputError: with a line for each problem: file, field, and what would be right.
+        InputError: with a line for each problem: file, field, what was found, what is accepted.
+
+    Examples:
+        >>> from sdt_drake.run.scenario import load_scenario
+        >>> load_scenario("coupled_pi", {"controller.kind": "p_pi"}).controller.label
+        'p_pi'
     """
     changes = {} if changes is None else changes
     if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
@@ -271,7 +277,7 @@ def load_scenario(
 
 
 def with_fields(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
-    """A copy of a scenario with other values in its fields, by their dotted names; unchecked."""
+    """Return a copy of a scenario with other values by dotted names; they are not checked."""
     made = copy.deepcopy(scenario)
     for name, value in values.items():
         *owners, field = name.split(".")
@@ -284,6 +290,6 @@ def save_scenario(scenario: Scenario, path: str | Path) -> None:
     """Write a scenario as YAML that `load_scenario` reads.
 
     Raises:
-        InputError: if it is none, or the file cannot be written.
+        InputError: if `scenario` is no scenario, or the file cannot be written.
     """
     write_yaml(path, scenario)

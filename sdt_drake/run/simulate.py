@@ -1,4 +1,4 @@
-"""Running a loop, and what it recorded."""
+"""The simulation of a loop, and its recording."""
 
 from __future__ import annotations
 
@@ -33,16 +33,22 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-_HARDER = 20.0
-"""How much harder the integrator tries on the axis plant: its motors saturate for seconds, and what
-it misses where they do so grows until they no longer do."""
+AXIS_ACCURACY_FACTOR = 20.0
+"""Factor by which accuracy is tightened on the axis plant.
 
-_FINEST = 1e-12  # that Drake takes
-_MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
+Motors there saturate for seconds, and the integration error grows until saturation ends.
+"""
 
-_SLICES = 200  # of a run, to tell how far it is; between samples, where steps end anyway
+MIN_ACCURACY = 1e-12
+"""Smallest accuracy that Drake accepts."""
 
-# What goes into a CSV file, in this order.
+MAX_STEPS = 1_000_000
+"""Largest number of integrator steps per period; a loop that needs more would not end."""
+
+N_SLICES = 200
+"""Number of parts of a run between which progress is reported; they end at samples."""
+
+# Columns of a recording's file, in this order.
 RECORDED_COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
     "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
@@ -50,73 +56,71 @@ RECORDED_COLUMNS = (
 
 
 Column = Annotated[Array, SkipValidation, WithJsonSchema({"type": "number"})]
-"""Numbers of a recording, for the reference of its fields."""
+"""Numbers of a recording: the type that the reference of its columns shows."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Shown):
-    """What happened in a run, at the interpolation period; arrays of shape (N + 1, n), the time
-    (N + 1,).
+    """Signals of a run at the interpolation period; shape (N + 1, n), time (N + 1,).
 
-    Continuous signals are those at `time`; torques are those just before the update at `time`, so
-    at the end of the period that ends there. The first row is just after its update. What motors
-    give within the periods is in `tau_peak`, `tau_rms`, `tau_mean` and `saturated`. Where a
-    controller has its proportional gain on the error, the held reference makes torques fall within
-    each period, by K_PS r times what the speed gains in it: `tau_mean` tells what moves the links,
-    `tau` at the ends does not.
+    Positions and speeds are those at `time`. Torques are those just before the update at `time`,
+    the end of the period that ends there. The first row is just after its update.
 
-    At the default accuracy, peaks are good to 3e-3 of the motor's torque and means to 1.5e-3. So is
-    the RMS of a period, but for one in which the torque changes its sign: 6e-3. A period in which a
-    motor begins or ceases to saturate has its share to a third of one of the integrator's steps;
-    over a run these errors cancel.
+    Torque within the periods is in `tau_peak`, `tau_rms`, `tau_mean` and `saturated`. If the
+    proportional gain acts on the error, the held reference makes the torque fall within each
+    period, by K_PS r times the change of speed. Then `tau_mean` is the torque that moves the links;
+    `tau` is not.
+
+    At the default accuracy, peaks are accurate to 3e-3 of the motor's torque limit, means to
+    1.5e-3. The RMS of a period is accurate to 1.5e-3, or to 6e-3 if the torque changes its sign.
+    In a period in which a motor starts or stops saturating, `saturated` is accurate to a third of
+    an integrator step. Over a run these errors cancel.
     """
 
     __pydantic_config__ = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True)
 
     time: Column = setting(unit="s")
-    """Since the start."""
+    """Time since the start."""
     q_ref: Column = setting(unit="rad", side="joint")
-    """Positions of the planned motion; also where the controller gets another reference, as
-    flights have taught it."""
+    """Position of the planned motion, also if the controller tracks a learned reference."""
     v_ref: Column = setting(unit="rad/s", side="joint")
-    """Speeds of the planned motion, likewise."""
+    """Speed of the planned motion, also if the controller tracks a learned reference."""
     q: Column = setting(unit="rad", side="joint")
-    """Position of the plant."""
+    """Position of the links."""
     v: Column = setting(unit="rad/s", side="joint")
-    """Speed of the plant."""
+    """Speed of the links."""
     tau_cmd: Column = setting(unit="N m", side="motor")
-    """Torque that the controller asks for."""
+    """Torque that the controller commands."""
     tau_limited: Column = setting(unit="N m", side="motor")
-    """The same after saturation."""
+    """Commanded torque after saturation."""
     tau: Column = setting(unit="N m", side="motor")
-    """Torque that the motors give: the same with an ideal drive."""
+    """Torque of the motors; equal to `tau_limited` with an ideal drive."""
     load_torque: Column = setting(unit="N m", side="motor")
-    """tau_LD of Algorithm 1."""
+    """Load torque tau_LD of Algorithm 1."""
     tau_peak: Column = setting(unit="N m", side="motor")
-    """Largest torque that the motors give in the period that ends at `time`."""
+    """Largest absolute torque of the motors in the period that ends at `time`."""
     tau_rms: Column = setting(unit="N m", side="motor")
-    """RMS torque of that period."""
+    """RMS torque of the motors in that period."""
     tau_mean: Column = setting(unit="N m", side="motor")
-    """Mean torque of that period: its time integral is the motors' impulse."""
+    """Mean torque of the motors in that period; its time integral is their impulse."""
     saturated: Column = setting(unit="-", side="motor")
-    """Share of that period in which a motor gives less than is asked."""
+    """Share of that period in which a limit of the motor cuts the command."""
     beyond_stop: Column = setting(unit="rad", side="joint")
-    """How far the coupled plant's joints are beyond their stops, which do not act in the
-    simulation; 0 within them, and on the axis plant."""
+    """Angle by which a joint of the coupled plant exceeds its stops; 0 within them and on the axis
+    plant. Stops do not act in the simulation."""
     q_measured: Column | None = setting(None, unit="rad", side="joint")
-    """Position of what the encoders are on, not of the links where joints are elastic; not in
-    files."""
+    """Position that the encoders measure, on motors or links of elastic joints; not in files."""
     v_measured: Column | None = setting(None, unit="rad/s", side="joint")
-    """Speed of the same; not in files."""
+    """Speed that the encoders measure; not in files."""
 
     @property
     def speed_error(self) -> Array:
-        """v - v_ref, joint side [rad/s]."""
+        """Speed error v - v_ref, joint side [rad/s], shape (N + 1, n)."""
         return self.v - self.v_ref
 
     @property
     def position_error(self) -> Array:
-        """q - q_ref, joint side [rad]."""
+        """Position error q - q_ref, joint side [rad], shape (N + 1, n)."""
         return self.q - self.q_ref
 
     def summary(self) -> Summary:
@@ -131,11 +135,11 @@ class Recording(Shown):
         return of_joints(title, columns)
 
     def plot(self, design: Design | Scenario | None = None, joint: int | None = None) -> Figure:
-        """A scope: speed and its reference, errors, torque; with a design, names and limits.
+        """Return a figure of speed, errors and torque; with a design, also names and limits.
 
         Args:
-            design: of the run, or its scenario.
-            joint: 1..n, to show that one alone.
+            design: the design or scenario of the run.
+            joint: number of the only joint to show, 1..n; all by default.
 
         Raises:
             InputError: if there is no such joint, or the design has other joints.
@@ -145,10 +149,10 @@ class Recording(Shown):
         return face().plots.scope(title, self, design, joint)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table of RECORDED_COLUMNS for each joint, its index the time.
+        """Return a data frame with RECORDED_COLUMNS of each joint; its index is the time [s].
 
         Raises:
-            InputError: where pandas is not installed.
+            InputError: if pandas is not installed.
         """
         return data_frame(self.time, self._columns)
 
@@ -158,7 +162,7 @@ class Recording(Shown):
 
     @takes(path=a_path)
     def save(self, path: str | Path) -> None:
-        """Write time and, for each joint, RECORDED_COLUMNS, exactly: as .csv, .mat or .parquet.
+        """Write time and RECORDED_COLUMNS of each joint, without loss, as .csv, .mat or .parquet.
 
         Raises:
             InputError: if the file cannot be written, or needs a package that is not installed.
@@ -168,31 +172,34 @@ class Recording(Shown):
     @staticmethod
     @takes(path=a_path)
     def load(path: str | Path) -> Recording:
-        """Read what `save` writes; further columns are ignored.
+        """Read a file that `save` wrote; further columns are ignored.
 
         Raises:
-            InputError: naming the file and the line or the column: something missing, gaps in
-                time, numbers that are not finite, or beyond what `check_limits` lets pass.
+            InputError: naming file and line or column: missing columns, gaps in time, numbers that
+                are not finite or exceed the limits of `check_limits`.
         """
         time, columns = read_table(path)
         check_limits(path, time, columns)
         names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
-        told = ", ".join(f"{name}_k" for name in names)
+        listed = ", ".join(f"{name}_k" for name in names)
         again = "an older one has to be simulated again"
-        expected = f"a recording as `simulate` writes it ({again}): time and for joint k {told}"
+        expected = (
+            f"a recording as `simulate` writes it ({again}): time and for joint k {listed}"
+        )
         check_columns(path, columns, names, expected)
         return Recording(time=time, **{name: columns[name] for name in names})
 
-    to_csv, from_csv = save, load  # as they are called of a motion
+    to_csv, from_csv = save, load  # the names that motions have, too
 
 
 def make_simulator(
     diagram: Diagram, *, period: float, accuracy: float, realtime_rate: float = 0.0
 ) -> Simulator:
-    """A simulator, not initialized, that meets samples every `period` [s] and integrates between.
+    """Make a simulator for samples every `period` [s]; it is not initialized.
 
-    Error-controlled Runge-Kutta of third order. Its largest step is a little above the period: a
-    largest step of just the period makes every few samples take a second step of 1e-16 s.
+    The integrator is an error-controlled Runge-Kutta method of third order. Its largest step is a
+    little above the period: with the period itself, every few samples a second step of 1e-16 s
+    would follow.
     """
     simulator = Simulator(diagram)
     config = SimulatorConfig(
@@ -204,7 +211,7 @@ def make_simulator(
     )
     ApplySimulatorConfig(config, simulator)
     integrator = simulator.get_mutable_integrator()
-    integrator.set_requested_minimum_step_size(period / _MOST_STEPS)
+    integrator.set_requested_minimum_step_size(period / MAX_STEPS)
     integrator.set_throw_on_minimum_step_size_violation(True)
     return simulator
 
@@ -218,19 +225,29 @@ def simulate(
     q: Array | None = None,
     v: Array | None = None,
 ) -> Recording:
-    """Run a loop for the time of its motion, starting on the reference, at the scenario's accuracy.
+    """Simulate a loop for the duration of its motion, from a steady start on the reference.
 
     Args:
-        design: a resolved scenario, or one that is resolved here.
-        diagram: its loop, or a diagram that has it within, however deep; built here by default.
-        realtime_rate: how fast to go, 1 in real time, to watch a loop with a Meshcat; 0: as fast
-            as it can.
-        q, v: angles [rad] and speeds [rad/s] of another start, joint side, shape (n,); see
-            `Loop.rest`.
+        design: a design, or a scenario, which is resolved here.
+        diagram: the loop of the design, or a diagram that contains it at any depth; made here by
+            default.
+        realtime_rate: simulated time per real time, 1 to watch in a Meshcat; 0 for full speed.
+        q: initial angles, joint side [rad], shape (n,); see `Loop.rest`.
+        v: initial speeds, joint side [rad/s], shape (n,); see `Loop.rest`.
 
     Raises:
-        InputError: for a diagram without the design's loop, or one in which nothing is connected to
-            its external reference or controller; if the integrator makes no headway, with the time.
+        InputError: if the diagram lacks the loop of the design, an external reference or controller
+            is not connected, a command is not finite, or the integrator is stuck, with the time.
+
+    Examples:
+        >>> import numpy as np
+        >>> from sdt_drake.motion import Motion
+        >>> from sdt_drake.run.design import make_design
+        >>> from sdt_drake.run.scenario import load_scenario
+        >>> motion = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
+        >>> recording = simulate(make_design(load_scenario("axis_pi"), motion=motion))
+        >>> recording.q.shape, float(abs(recording.position_error).max())
+        ((21, 4), 0.0)
     """
     design = as_design(design)
     checked_number(realtime_rate, "realtime_rate", minimum=0)
@@ -238,7 +255,7 @@ def simulate(
     loop = _loop_in(design, diagram)
     period, accuracy = design.reference.period, design.scenario.accuracy
     if design.scenario.plant.kind == "axis":
-        accuracy = max(accuracy / _HARDER, _FINEST)
+        accuracy = max(accuracy / AXIS_ACCURACY_FACTOR, MIN_ACCURACY)
     simulator = make_simulator(
         diagram, period=period, accuracy=accuracy, realtime_rate=realtime_rate
     )
@@ -249,11 +266,11 @@ def simulate(
         loop.rest(own, q, v)
         try:
             simulator.Initialize()
-            _look(loop, own)  # at a NaN Drake's integrator may try for ever
+            _look(loop, own)  # Drake's integrator may never end at a NaN
             _run(simulator, loop)
         except RuntimeError as error:
             if error.__traceback__ and extract_tb(error.__traceback__)[-1].filename != __file__:
-                raise  # of Python code in the loop
+                raise  # an error of Python code in the loop
             _look(loop, own)
             reason = " ".join(str(error).split())
             raise InputError(
@@ -267,7 +284,7 @@ def simulate(
 
 
 def _check_inputs(loop: Loop, own: Context) -> None:
-    """Refuse a loop with an external reference or controller that nothing is connected to."""
+    """Check that an external reference or controller of the loop is connected."""
     for port in map(loop.get_input_port, range(loop.num_input_ports())):
         if not port.HasValue(own) and port.get_name() != "extra_load_torque":
             raise InputError(
@@ -277,7 +294,7 @@ def _check_inputs(loop: Loop, own: Context) -> None:
 
 
 def _look(loop: Loop, own: Context) -> None:
-    """Check what the controller gets from outside and asks for now; own: context of the loop."""
+    """Check that reference and command of the loop are finite now; `own` is the loop's context."""
     if "reference" in loop.logs:
         reference = np.array(loop.GetOutputPort("reference").Eval(own))
         if not np.isfinite(reference).all():
@@ -288,7 +305,7 @@ def _look(loop: Loop, own: Context) -> None:
 
 
 def _check_command(loop: Loop, tau_cmd: Array, time: Array | Sequence[float]) -> None:
-    """Refuse commands, shape (N, n), that are not finite, whatever becomes of them in the loop."""
+    """Check that commands, shape (N, n), are finite, even if limits would cut them."""
     for i, k in np.argwhere(~np.isfinite(tau_cmd)):
         raise InputError(
             f"{in_errors(loop.design, type(loop.controller))}: tau_cmd of joint {k + 1} is "
@@ -297,28 +314,29 @@ def _check_command(loop: Loop, tau_cmd: Array, time: Array | Sequence[float]) ->
 
 
 def _run(simulator: Simulator, loop: Loop) -> None:
-    """Advance over the motion; stop at each update where the log does not tell what follows it."""
-    # Only the main thread hears Ctrl-C; in others, listening for it would take the interpreter's
-    # lock at every step, and let no two runs go at the same time.
-    hears = threading.current_thread() is threading.main_thread()
+    """Advance over the motion, with a stop at each update if the command after it is unknown."""
+    # Only the main thread receives Ctrl-C. In other threads, checking for it would take the
+    # interpreter's lock at every step, so that runs could not go in parallel.
+    interruptible = threading.current_thread() is threading.main_thread()
     samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
-    if loop.is_told:
-        for end in with_progress(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
-            simulator.AdvanceTo(end * period, interruptible=hears)
+    if loop.predicts_updates:
+        for end in with_progress(np.unique(np.linspace(0, samples, N_SLICES + 1, dtype=int))[1:]):
+            simulator.AdvanceTo(end * period, interruptible=interruptible)
         return
     own = loop.GetMyContextFromRoot(simulator.get_context())
     step = loop.updates[-1]
     for i in with_progress(range(round(samples * period / step))):
         for end in loop.updates[1:]:
-            simulator.AdvancePendingEvents()  # and so the torque just after the update is logged
+            simulator.AdvancePendingEvents()  # so that the torque just after the update is logged
             _look(loop, own)
             until = (i + 1) * step if end == step else i * step + end
-            simulator.AdvanceTo(until, interruptible=hears)
+            simulator.AdvanceTo(until, interruptible=interruptible)
             _look(loop, own)
-    simulator.AdvancePendingEvents()  # a reference from outside has its last sample only now
+    simulator.AdvancePendingEvents()  # an external reference has its last sample only now
 
 
 def _loop_in(design: Design, diagram: Diagram) -> Loop:
+    """Return the only loop in a diagram, which must be that of the design."""
     loops = [system for system in systems_in(diagram) if isinstance(system, Loop)]
     if len(loops) != 1 or loops[0].design is not design:
         raise InputError(
@@ -329,8 +347,9 @@ def _loop_in(design: Design, diagram: Diagram) -> Loop:
 
 
 def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
+    """Return the recording of a run from the logged signals."""
     design = loop.design
-    if "reference" in signals:  # what came from outside in place of the planned motion
+    if "reference" in signals:  # an external reference takes the place of the planned motion
         period, time = design.motion.period, signals["step_time"]
         after = np.searchsorted(time, (np.arange(len(design.wanted.v)) + 1e-6) * period) - 1
         fed = Motion(period, *np.hsplit(signals["reference"][after], 3))
@@ -346,7 +365,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
         v_ref=motion.v,
         q=q,
         v=v,
-        load_torque=load[arrived(design, motion.time)],  # as a hold has it just before each update
+        load_torque=load[arrived(design, motion.time)],  # held just before each update
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,
@@ -356,6 +375,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
 
 
 def _beyond_stop(design: Design, q: Array) -> Array:
+    """Return the angle by which joints exceed their stops [rad]; 0 on the axis plant."""
     robot = design.robot
     if design.scenario.plant.kind == "axis":
         return np.zeros_like(q)

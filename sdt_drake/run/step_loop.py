@@ -1,4 +1,4 @@
-"""One linear speed loop alone, after a step of its reference."""
+"""A single linear speed loop with a step as its reference (Figure 4)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from sdt_drake.systems.gains import SpeedGains
 
 
 def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagram:
-    """Make one linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
+    """Make one linear speed loop without load or limit (Figures 4 and 5).
 
-    From time 0 on 1 rad/s is asked of the motor. Output: `state`.
+    The reference is a step to 1 rad/s at time 0. Output: `state`.
 
     Args:
-        gains: of one controller, motor side; arrays of length 1.
-        i_eff: inertia, motor side [kg m²].
+        gains: gains of one controller, motor side; arrays of length 1.
+        i_eff: inertia of the axis, motor side [kg m²].
         structure: "pi" or "p_in_feedback".
     """
     builder = DiagramBuilder()

@@ -1,4 +1,4 @@
-"""Gains and torque feedforward of a scenario's controller, from what it takes the robot for."""
+"""Gains and torque feedforward of a scenario's controller, from the controller's model."""
 
 from __future__ import annotations
 
@@ -16,23 +16,28 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains, feedforward_torque, tune
 
 FeedforwardLaw = Callable[[Sequence[Array], Array, Array], Array]
-"""Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
+"""Function that returns the torque feedforward, motor side [N m].
+
+Arguments: torque groups of a model [N m], v_ref [rad/s] and vd_ref [rad/s²], joint side."""
 
 
 class Feedforward(NamedTuple):
-    """A torque feedforward, motor side; by default none.
-
-    Attributes:
-        along: at the samples of the motion [N m], shape (N + 1, n); None for none.
-        steady: in steady motion at the first speed, where a run starts [N m], shape (n,).
-    """
+    """A torque feedforward, motor side; none by default."""
 
     along: Array | None = None
+    """Torque at the samples of the motion [N m], shape (N + 1, n); None without feedforward."""
     steady: Array | float = 0.0
+    """Torque in steady motion at the initial speed, where a run starts [N m], shape (n,)."""
 
 
 def gains_of(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
-    """The scenario's own gains, or those tuned to the largest inertia, motor side [kg m²], (n,)."""
+    """Return the gains that the scenario gives, or tune them to the largest inertia.
+
+    Args:
+        scenario: gives kp and ki, or omega_r, omega_ratio and zeta.
+        i_eff_max: largest effective inertia, motor side [kg m²], shape (n,).
+        robot: scales omega_r by its `frequency_factor`.
+    """
     controller = scenario.controller
     if controller.kp is not None and controller.ki is not None:
         return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
@@ -42,7 +47,7 @@ def gains_of(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
 
 
 def feedforward_of(scenario: Scenario, model: Robot) -> FeedforwardLaw | None:
-    """gain feedforward_torque + friction(v_ref) / r, motor side [N m]; None for neither."""
+    """Return the law gain feedforward_torque + friction(v_ref) / r; None if both are off."""
     choice, friction = scenario.controller, scenario.plant.friction
     kind = choice.feedforward_in_use
     if kind == "none" and not choice.friction_compensation:
@@ -60,6 +65,6 @@ def feedforward_of(scenario: Scenario, model: Robot) -> FeedforwardLaw | None:
 
 
 def law_along(law: FeedforwardLaw, torques: TorqueGroups, motion: Motion) -> Array:
-    """Feedforward of a law along a motion with these torques, motor side [N m], (N + 1, n)."""
+    """Return the torque of a law along a motion, motor side [N m], shape (N + 1, n)."""
     groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
     return law(groups, motion.v, motion.vd)

@@ -19,8 +19,8 @@ from sdt_drake.run.controllers import (
     Pi,
     controller_class,
     make_controller,
+    predicts_updates,
     register_controller,
-    tells_updates,
 )
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.scenario import PLANTS
@@ -202,7 +202,7 @@ def test_what_a_controller_need_not_tell(designed):
     design = designed("coupled_pi", end=0.1)
     bare = Bare()
     bare.rest(bare.CreateDefaultContext(), np.zeros(4))
-    assert not tells_updates(bare) and Bare.options == () and Bare.in_words(design) == "Bare"
+    assert not predicts_updates(bare) and Bare.options == () and Bare.in_words(design) == "Bare"
 
 
 def test_linear_gains_are_scheduled_with_the_inertia(designed):

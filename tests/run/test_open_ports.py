@@ -107,7 +107,7 @@ def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, spee
     [
         (kind("p_pi+id"), "reference: 'external', but feedforward_table is computed along the"),
         (kind("pi_scheduled") | ONLINE, "reference: 'external', but inertia_table is computed"),
-        (ONLINE | {"plant.kind": "axis"}, "reference: 'external', but the axis plant has its load"),
+        (ONLINE | {"plant.kind": "axis"}, "reference: 'external', but the load of the axis plan"),
     ],
 )
 def test_what_is_known_along_a_planned_motion_alone_is_refused(designed, fields, message):

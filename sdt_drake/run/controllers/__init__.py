@@ -1,4 +1,4 @@
-"""The controllers as Drake systems: the class of each kind, and controllers of one's own."""
+"""The controllers as Drake systems: shipped classes, and registration of your own."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SHIPPED: dict[str, type[Controller]] = {
     "pi_scheduled": PiScheduled,
     "inverse_dynamics": InverseDynamics,
 }
-"""The classes of the controllers that ship with the package, by their kinds."""
+"""Classes of the shipped controllers by kind."""
 
 
 def controller_class(kind: str) -> type[Controller]:
@@ -39,28 +39,29 @@ def controller_class(kind: str) -> type[Controller]:
 
 
 def make_controller(design: Design) -> System:
-    """The scenario's controller.
+    """Make the controller of a design's scenario.
 
     Raises:
-        InputError: if one that does not ship with the package fails.
+        InputError: if a controller of your own fails.
     """
     controller = controller_class(design.scenario.controller.kind)
     with own_code(design, controller):
-        # Registered classes derive from both, and are made with a design.
+        # Registered classes derive from both, and their constructor takes a design.
         return cast("Callable[[Design], System]", controller)(design)
 
 
-def tells_updates(controller: System) -> bool:
-    """Whether a controller tells its command just after updates; a class of one's own that derives
-    from one that does may have another law, and tells nothing."""
+def predicts_updates(controller: System) -> bool:
+    """Return whether the class of a controller defines `after_updates` for its own law.
+
+    A class that only inherits it from a shipped controller may have another law.
+    """
     own: type = type(controller)
     return own in SHIPPED.values() or "after_updates" in vars(own)
 
 
 def in_errors(design: Design, controller: type) -> str:
-    """The name of a controller of that class in errors: that of its kind, if it has one, and its
-    class."""
-    if controller is PassThrough:  # the input of the loop for one
+    """Return the name of a controller in error messages: its kind, if it has one, and its class."""
+    if controller is PassThrough:  # an input of the loop
         return "external controller"
     kind = design.scenario.controller.kind
     name = f" '{kind}'" if controller_class(kind) is controller else ""
@@ -69,13 +70,12 @@ def in_errors(design: Design, controller: type) -> str:
 
 @contextmanager
 def own_code(design: Design, controller: type) -> Iterator[None]:
-    """Say that an error is one of a controller of that class, if it does not ship with the package;
-    SystemExit is such an error, too."""
+    """Attribute errors raised by your own controller, SystemExit included, to that controller."""
     try:
         yield
     except InputError:
         raise
-    except (Exception, SystemExit) as error:  # of a controller
+    except (Exception, SystemExit) as error:
         if controller in (*SHIPPED.values(), PassThrough):
             raise
         text = f"{type(error).__name__}: {one_line(error)}"
@@ -83,11 +83,24 @@ def own_code(design: Design, controller: type) -> Iterator[None]:
 
 
 def register_controller(name: str, controller: type[Controller]) -> None:
-    """Make a controller of one's own known to scenarios, comparisons and studies, by its name.
+    """Register your own controller for scenarios, comparisons and studies.
+
+    Args:
+        name: its `controller.kind` in scenarios: letters, digits and _.
+        controller: a class that derives from a Drake system and from `Controller`.
 
     Raises:
-        InputError: for the name of a shipped one or no name, a class that is no `Controller`, or
+        InputError: for a name that is shipped or no name, a class that is no `Controller`, or
             one that declares ports before the constructor of its Drake system has run.
+
+    Examples:
+        >>> from sdt_drake.run.controllers import Pi, register_controller
+        >>> from sdt_drake.run.kinds import CONTROLLERS
+        >>> class Stiff(Pi):
+        ...     needs = ("largest inertia of each joint",)
+        >>> register_controller("stiff", Stiff)
+        >>> CONTROLLERS["stiff"].needs
+        ('largest inertia of each joint',)
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w*", name):
         raise InputError(f"controller {name!r}: expected a name of letters, digits and _")
@@ -110,13 +123,12 @@ def register_controller(name: str, controller: type[Controller]) -> None:
 
 
 def _declares_first(system: type) -> bool:
-    """Whether a class declares ports, or is built, before any __init__ of its bases.
+    """Return whether a class declares ports, or is built, before any __init__ of its bases.
 
-    Drake would write to memory that nobody has set up. The names in code stand in the order of
-    their use.
+    Drake would write to uninitialised memory. Python lists the names in code by their first use.
     """
     own = inspect.unwrap(vars(system).get("__init__", object))
-    names = own.__code__.co_names if inspect.isfunction(own) else ()  # those of Drake are in C++
+    names = own.__code__.co_names if inspect.isfunction(own) else ()  # Drake's are in C++
     before = takewhile("__init__".__ne__, names)
     return any(name.startswith(("Declare", "BuildInto")) for name in before)
 
@@ -124,5 +136,5 @@ def _declares_first(system: type) -> bool:
 __all__ = [
     "SHIPPED", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId",
     "PiScheduled", "controller_class", "in_errors", "make_controller", "own_code",
-    "register_controller", "tells_updates",
+    "predicts_updates", "register_controller",
 ]  # fmt: skip

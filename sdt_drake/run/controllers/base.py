@@ -1,4 +1,4 @@
-"""What every controller tells of itself."""
+"""The base classes of controllers."""
 
 from __future__ import annotations
 
@@ -18,21 +18,13 @@ from sdt_drake.systems.wiring import Aliases, connect_by_name
 
 
 class Controller:
-    """What makes a Drake system a controller here: derive from a system and from this, and register
-    it.
+    """The base class of controllers.
 
-    The system is made with a `Design`, and has the output `tau_cmd` [N m], motor side, and inputs
-    named after signals of the loop, which `sdt_drake.systems` describes: `reference`, `state` (as
-    measured, at the period of the drive if that has one), `sampled_state`, `load_torque`,
-    `tau_limited`.
-
-    Attributes:
-        needs: what must be known to commission it, beside what its feedforward needs.
-        plants: on which it makes sense.
-        options: fields of the scenario's `controller` that it takes, of `kinds.OPTIONS`.
-        feedforward: torque feedforward where that is no option: "none", "ctc" or "id".
-        structure: of its PI controllers; None where the scenario chooses it.
-        takes_feedforward: whether any torque feedforward can be added to its command.
+    Derive from a Drake system and from this class, then register the result. The constructor takes
+    a `Design`. The output is `tau_cmd` [N m], motor side. Inputs are named after signals of the
+    loop, which `sdt_drake.systems` describes: `reference`, `state` (measured, at the drive period
+    if the drive samples), `sampled_state`, `load_torque`, `tau_limited`. The class attributes are
+    the fields of `kinds.Kind`.
     """
 
     needs: ClassVar[tuple[str, ...]] = ()
@@ -43,58 +35,58 @@ class Controller:
     takes_feedforward: ClassVar[bool] = False
 
     def __init_subclass__(cls, kind: str | None = None) -> None:
-        """Give a class that ships with the package the attributes of its kind."""
+        """Set the attributes of a shipped class to those of its kind."""
         if kind is not None:
             for attribute in fields(Kind):
                 setattr(cls, attribute.name, getattr(CONTROLLERS[kind], attribute.name))
 
     @classmethod
     def in_words(cls, design: Design) -> str:
-        """What the feedback is, in words, with what a design has of it."""
+        """Describe the feedback of a design in words."""
         return cls.__name__
 
     @classmethod
     def linear(cls, design: Design, sample: int) -> System:
-        """The feedback alone, as it is around a sample of the motion: for linear analysis.
+        """Make the feedback alone, around a sample of the motion, for linear analysis.
 
         Raises:
-            InputError: if it has none that Drake can linearise.
+            InputError: if there is no feedback that Drake can linearise.
         """
         kind = design.scenario.controller.kind
         raise InputError(f"controller.kind {kind}: has no linear feedback (Controller.linear)")
 
     def rest(self, context: Context, tau_cmd: ArrayLike, start: Motion | None = None) -> None:
-        """Start with that command, on the reference; nothing to do for one without a memory. Holds
-        and tables are memory, too.
+        """Set the state so that the controller commands a torque in steady motion.
+
+        A controller without state, holds or tables needs no such method.
 
         Args:
-            context: of this system.
+            context: a context of this system.
             tau_cmd: the command, motor side [N m], shape (n,).
-            start: the sample to start at, without acceleration; given where that is not the first
-                of the motion.
+            start: a motion of one sample, without acceleration; None for the first of the motion.
         """
 
     def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
         """Return the command just after each update, motor side [N m], shape (M, n).
 
-        Optional: a class that has it spares a run stopping at each update to look at the command.
-        The reference arrives with the updates here.
+        This method is optional. Without it a run stops at each update to evaluate the command. It
+        is only called if the reference arrives with the updates.
 
         Args:
-            tau_cmd: just before each of M + 1 updates [N m], shape (M + 1, n).
-            measured: q and v as measured at the samples of the reference, joint side [rad, rad/s],
-                shape (N + 1, 2 n); M = N where drives are continuous.
+            tau_cmd: command just before each of M + 1 updates [N m], shape (M + 1, n).
+            measured: q and v measured at the samples of the reference, joint side [rad, rad/s],
+                shape (N + 1, 2 n); M = N for continuous drives.
             held: sample of the reference in force after each update, shape (M,).
         """
         raise NotImplementedError
 
 
 LOOP_SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
-"""What a controller can have of the loop, by the names of its inputs."""
+"""Signals of the loop that can be inputs of a controller."""
 
 
 class Shipped(Diagram, Controller):
-    """A controller that ships with the package: a law, the torque feedforward behind it, tables."""
+    """A shipped controller: a feedback law, a torque feedforward behind it, and tables."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -113,8 +105,10 @@ class Shipped(Diagram, Controller):
     def _build(
         self, builder: DiagramBuilder, design: Design, at: int | None, aliases: Aliases
     ) -> None:
-        """Add the torque feedforward of a design, from tau_fb to tau_cmd, and connect all by name;
-        none `at` a sample, where it stands still."""
+        """Add the torque feedforward, from tau_fb to tau_cmd, and connect all blocks by name.
+
+        Around a sample, `at`, there is no feedforward, as the robot is at rest.
+        """
         aliases, tau_cmd, law = dict(aliases), "tau_cmd", design.feedforward
         if at is not None or design.tau_ff is None:
             tau_cmd = aliases["pi_speed_controller", "tau_cmd"] = "tau_fb"
@@ -134,6 +128,6 @@ class Shipped(Diagram, Controller):
 
 
 def table_of(design: Design, **signals: Array) -> SignalTable:
-    """Signals along the motion that arrive with the reference."""
+    """Make a table of signals along the motion that arrive with the reference."""
     delay = design.drive.reference_delay
     return SignalTable(motion=design.reference, signals=signals, delay=delay)

@@ -1,3 +1,5 @@
+"""The computed torque controller."""
+
 from __future__ import annotations
 
 from pydrake.systems.framework import DiagramBuilder, System
@@ -10,10 +12,10 @@ from sdt_drake.systems.gains import damping_ratio
 
 
 class InverseDynamics(Shipped, kind="inverse_dynamics"):
-    """Computed torque from the state of all joints at the interpolation period, the law of
-    `sdt_drake.systems.InverseDynamicsController`, with the poles of the speed loops.
+    """Computed torque from the state of all joints, sampled at the interpolation period.
 
-    It has no integral: with a wrong model it does not start in equilibrium.
+    The law is that of `sdt_drake.systems.InverseDynamicsController` with the poles of the speed
+    loops. It has no integral, so with a wrong model a run does not start in equilibrium.
 
     .. pydrake_system::
 
@@ -23,7 +25,7 @@ class InverseDynamics(Shipped, kind="inverse_dynamics"):
     """
 
     def __init__(self, design: Design, *, at: int | None = None) -> None:
-        """Of a design; at: for linear analysis, its feedback alone."""
+        """Make the controller of a design; with `at` its feedback alone, for linear analysis."""
         super().__init__()
         law = InverseDynamicsController(
             model=design.model,
@@ -43,4 +45,4 @@ class InverseDynamics(Shipped, kind="inverse_dynamics"):
         return cls(design, at=sample)
 
     def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
-        return tau_cmd[1:]  # it is held until the next update
+        return tau_cmd[1:]  # held until the next update

@@ -1,3 +1,5 @@
+"""The cascade of position and speed controllers."""
+
 from __future__ import annotations
 
 from pydrake.systems.framework import DiagramBuilder
@@ -9,7 +11,7 @@ from sdt_drake.systems import PositionLoop
 
 
 class PPi(Pi, kind="p_pi"):
-    """The industrial cascade: v_ref + K_V (q_ref - q) as the reference of PI speed controllers.
+    """The industrial cascade: PI speed controllers that track v_ref + K_V (q_ref - q).
 
     .. pydrake_system::
 
@@ -29,6 +31,6 @@ class PPi(Pi, kind="p_pi"):
         builder.AddNamedSystem("position_loop", loop)
         return {"reference": "speed_reference"}
 
-    def _asked(self, held: Index, q: Array) -> Array:
+    def _speed_reference(self, held: Index, q: Array) -> Array:
         reference = self._design.reference
         return reference.v[held] + self._design.position_gain * (reference.q[held] - q)

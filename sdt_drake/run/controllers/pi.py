@@ -15,9 +15,9 @@ from sdt_drake.systems.gains import SpeedGains
 
 
 class Pi(Shipped, kind="pi"):
-    """A PI speed controller for each motor (Section 3.3), sampled where the drive is.
+    """A PI speed controller for each motor (Section 3.3), sampled if the drive samples.
 
-    With anti-windup it has one more input, `tau_limited`.
+    With anti-windup there is one more input, `tau_limited`.
 
     .. pydrake_system::
 
@@ -27,18 +27,22 @@ class Pi(Shipped, kind="pi"):
     """
 
     def __init__(self, design: Design, *, at: int | None = None) -> None:
-        """Of a design; at: a sample of the motion, around which it is linear: its feedback alone,
-        with the gains that it has there."""
+        """Make the controller of a design.
+
+        Args:
+            design: the design of the loop.
+            at: a sample for linear analysis: the feedback alone, with its gains there.
+        """
         super().__init__()
         self._design = design
         choice, gains = design.scenario.controller, design.gains
-        self._kp = gains.kp * design.robot.gear_ratio  # on the joint speed [N m s/rad]
+        self._kp = gains.kp * design.robot.gear_ratio  # acts on the joint speed [N m s/rad]
         share = 1.0 if at is None else self._share(at)
         self._pi = PiSpeedController(
             gains=SpeedGains(kp=share * gains.kp, ki=share * gains.ki),
             gear_ratio=design.robot.gear_ratio,
             structure=choice.structure_in_use,
-            anti_windup=choice.anti_windup and at is None,  # nothing saturates there
+            anti_windup=choice.anti_windup and at is None,  # a linear loop does not saturate
             period=design.drive.period,
         )
         builder = DiagramBuilder()
@@ -62,51 +66,50 @@ class Pi(Shipped, kind="pi"):
         v, steady_ff = design.motion.v[0], design.steady_ff
         if start is not None:
             v, steady_ff = start.v[0], design.steady_ff_at(start)
-        # In steady motion there is no error of speed, whatever is held from now on.
+        # The speed error is zero in steady motion.
         fed_back = self._share(0) * self._kp * (0.0 if self._is_on_error else v)
         integral = np.asarray(tau_cmd) + fed_back - steady_ff
         self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
 
     def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
         if self._design.drive.period is not None:
-            return tau_cmd[1:]  # it is held until the next update
+            return tau_cmd[1:]  # held until the next update
         q, v = np.hsplit(measured[:-1], 2)
         before = np.maximum(np.arange(len(held)) - 1, 0)
         jump = self._at_once(held, q, v) - self._at_once(held[before], q[before], v)
         return tau_cmd[:-1] + jump
 
     def _at_once(self, held: Index, q: Array, v: Array) -> Array:
-        """The part of the command that jumps with the inputs that are held [N m]."""
-        asked = self._asked(held, q) if self._is_on_error else 0.0
+        """Return the part of the command that jumps with held inputs, motor side [N m]."""
+        v_ref = self._speed_reference(held, q) if self._is_on_error else 0.0
         tau_ff = 0.0 if self._design.tau_ff is None else self._design.tau_ff[held]
-        return self._share(held) * self._kp * (asked - v) + tau_ff
+        return self._share(held) * self._kp * (v_ref - v) + tau_ff
 
     @property
     def _is_on_error(self) -> bool:
-        """Whether the proportional gain is."""
+        """True if the proportional gain acts on the speed error (structure "pi")."""
         return self._design.scenario.controller.structure_in_use == "pi"
 
-    # --- what those below change ---------------------------------------------------------------
+    # --- overridden by subclasses --------------------------------------------------------------
 
     def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
-        """Add the blocks ahead of the PI controllers; signals of these whose input has another
-        name, by that input."""
+        """Add blocks ahead of the PI controllers; return names of signals by renamed input."""
         return {}
 
-    def _asked(self, held: Index, q: Array) -> Array:
-        """Speed that is asked for with positions q as last sampled, joint side [rad/s]."""
+    def _speed_reference(self, held: Index, q: Array) -> Array:
+        """Return the reference of the speed loops for sampled positions q, joint side [rad/s]."""
         return self._design.reference.v[held]
 
     def _share(self, held: Index | int) -> Array | float:
-        """Of the gains that are in force."""
+        """Return the factor on the tuned gains at samples; 1 unless gains are scheduled."""
         return 1.0
 
 
 class PiCtc(Pi, kind="pi_ctc"):
-    """PI speed controllers, and the load torque of the reference fed forward (Section 3.4, Figure
-    6).
+    """PI speed controllers with feedforward of the load torque (Section 3.4, Figure 6).
 
-    Where that is not the load torque of the loop, it is computed here, and no input.
+    If that torque differs from the load torque of the loop, the controller computes it and has no
+    such input.
 
     .. pydrake_system::
 
@@ -117,8 +120,9 @@ class PiCtc(Pi, kind="pi_ctc"):
 
 
 class PiId(Pi, kind="pi_id"):
-    """PI speed controllers, and the whole inverse dynamics of the reference fed forward, with both
-    gains on the error: nothing is left for the feedback.
+    """PI speed controllers with feedforward of the whole inverse dynamics.
+
+    Both gains act on the error, so with an exact model nothing is left for the feedback.
 
     .. pydrake_system::
 

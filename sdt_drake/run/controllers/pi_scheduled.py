@@ -1,3 +1,5 @@
+"""PI speed controllers with gains that are scheduled with the inertia."""
+
 from __future__ import annotations
 
 from pydrake.systems.framework import DiagramBuilder
@@ -9,7 +11,7 @@ from sdt_drake.systems import GainSchedule
 
 
 class PiScheduled(Pi, kind="pi_scheduled"):
-    """PI speed controllers with K_PS and K_IS in proportion to I_eff(q_ref), along the motion.
+    """PI speed controllers whose gains K_PS and K_IS are proportional to I_eff(q_ref).
 
     .. pydrake_system::
 
@@ -23,7 +25,7 @@ class PiScheduled(Pi, kind="pi_scheduled"):
         return f"{super().in_words(design)}, their gains those at the largest inertia"
 
     def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
-        if at is not None:  # Drake linearises no schedule of a sampled controller
+        if at is not None:  # Drake cannot linearise the schedule of a sampled controller
             return {}
         share = self._design.inertia_share
         self._add_table(builder, "inertia_table", self._design, inertia_share=share)
