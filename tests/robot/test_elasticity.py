@@ -54,8 +54,3 @@ def test_frequency_too_large_for_a_number_is_refused():
         "for joint 2"
     ):
         springs_of(Elasticity([0.0, 1e200, 0.0, 0.0]), INERTIA, GRAVITY)
-
-
-def test_no_joint_is_elastic_by_default():
-    assert Elasticity().is_rigid and Elasticity([0.0] * 4).is_rigid
-    assert not Elasticity([0.0, 0.0, 0.0, 1.0]).is_rigid

@@ -49,13 +49,6 @@ def test_peak_at_the_stribeck_speed_is_breakaway():
     np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
 
 
-def test_a_sample_or_a_whole_motion():
-    v = np.random.default_rng(1).normal(size=(50, 4))
-    friction = friction_parameters(FRICTION, 4)
-    rows = [sliding_friction(friction, row) for row in v]
-    np.testing.assert_array_equal(sliding_friction(friction, v), rows)
-
-
 # --- defaults --------------------------------------------------------------------------------
 
 

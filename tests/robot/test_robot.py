@@ -80,8 +80,7 @@ def test_plant_passes_any_torque_on_and_is_copied(robot):
 # --- any serial chain ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("base", [False, True])
-@pytest.mark.parametrize("n", [1, 2, 7])
+@pytest.mark.parametrize("n, base", [(1, False), (7, True)])
 def test_any_chain_loads_with_states_and_actuators_from_base_to_tip(write, n, base):
     robot = load_robot(write(chain_sdf(n, seed=n, base=base, rotor_inertia=1e6)))
     k = np.arange(1, n + 1)
@@ -226,7 +225,7 @@ def _check_refused(write, text: str, message: str) -> None:
     assert "\n" not in str(error.value) and len(str(error.value)) < 600
 
 
-@pytest.mark.parametrize("text", ["4<!-- a -->0", "4<![CDATA[0]]>", "&#52;0", "<?a b?>40"])
+@pytest.mark.parametrize("text", ["4<!-- a -->0", "4<![CDATA[0]]>&#32;"])
 def test_a_number_is_what_xml_says_it_is(write, text):
     robot = load_robot(write(ARM.replace("<effort>40", f"<effort>{text}")))
     assert robot.effort_limit[1] == 40

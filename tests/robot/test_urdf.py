@@ -72,17 +72,6 @@ def test_places_and_turned_inertias_are_those_of_drakes_own_reader(load):
         np.testing.assert_allclose(gravity, gravity_drake, rtol=1e-12, atol=1e-12)
 
 
-def test_the_world_need_not_be_a_link(load):
-    text = URDF.replace('<link name="base"/>', "").replace('link="base"', 'link="world"')
-    check_same(load(text), load(URDF))
-
-
-def test_inertia_of_the_root_does_not_matter(load):
-    odd = "<inertial><mass value='0'/><inertia ixx='0.05' iyy='0.06' izz='0.03'/></inertial>"
-    text = URDF.replace('<link name="base"/>', f'<link name="base">{odd}</link>')
-    check_same(load(text), load(URDF))
-
-
 def test_frames_and_links_without_mass_are_read(load):
     more = (
         "<link name='tool'/><joint name='flange' type='fixed'><parent link='lower'/>"
