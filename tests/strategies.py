@@ -63,6 +63,13 @@ def states(n: int, count: int = 3) -> st.SearchStrategy[np.ndarray]:
 
 
 @st.composite
+def moving(draw, count: int = 3, **options) -> tuple[Robot, *tuple[np.ndarray, ...]]:
+    """A robot, and q, v, vd, each of shape (count, n)."""
+    robot = draw(robots(**options))
+    return robot, *draw(states(robot.n, count))
+
+
+@st.composite
 def motions(draw, n: int, *, period: float = 0.005, samples: int = 100) -> Motion:
     """Motions from rest to rest: three harmonics of each joint, up to about 1 rad/s."""
     rng = draw(GENERATORS)

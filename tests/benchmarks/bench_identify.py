@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "robot")]
 
-from test_robot import chain_sdf
+from robots import chain_sdf
 
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.regressor import regressor

@@ -17,7 +17,7 @@ from known_truth import (
     recorded_of,
     true_robot,
 )
-from test_robot import chain_sdf
+from robots import chain_sdf
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table

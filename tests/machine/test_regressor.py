@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import test_dynamics
-from test_dynamics import random_states
+from hypothesis import given, settings
+from strategies import moving
 
 from sdt_drake.machine.identify.base_parameters import (
     Unknown,
@@ -14,21 +14,24 @@ from sdt_drake.machine.identify.base_parameters import (
 )
 from sdt_drake.robot.dynamics import inverse_dynamics
 
-any_robot = test_dynamics.any_robot
+FEW = settings(max_examples=8)
 
 
-def test_regressor_is_drakes_inverse_dynamics(any_robot):
-    robot = any_robot
-    q, v, vd = random_states(robot, 40)
+@FEW
+@given(moving(20))
+def test_regressor_is_drakes_inverse_dynamics(case):
+    robot, q, v, vd = case
     expected = inverse_dynamics(robot, q, v, vd) - robot.damping * v
     torque = rigid_columns(robot, q, v, vd) @ rigid_parameters(robot)
     assert np.all(np.abs(torque - expected) <= 1e-9 * np.abs(expected).max(axis=0))
 
 
-def test_base_parameters_say_all_that_torques_can_tell(any_robot):
-    robot = any_robot
+@FEW
+@given(moving(60))
+def test_base_parameters_say_all_that_torques_can_tell(case):
+    robot = case[0]
     base = Unknown.everything(robot).base
-    W = rigid_columns(robot, *random_states(robot, 60)).reshape(-1, 11 * robot.n)
+    W = rigid_columns(*case).reshape(-1, 11 * robot.n)
     # The rank by singular values, an independent count; and the same torques from beta alone.
     size = np.linalg.norm(W, axis=0)
     scaled = W / np.maximum(size, 1e-3 * size.max())

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
-from strategies import GENERATORS, robots, states
+from strategies import GENERATORS, moving, robots
 
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import decouple, effective_inertia, inverse_dynamics, torque_groups
@@ -17,13 +17,6 @@ from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.robot import edited, load_robot, parts_of
 
 FEW = settings(max_examples=10)
-
-
-@st.composite
-def moving(draw, **options):
-    """A robot, and its q, v, vd, each of shape (3, n)."""
-    robot = draw(robots(**options))
-    return robot, *draw(states(robot.n))
 
 
 def drake_torque(robot, q, v, vd):

@@ -10,8 +10,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
-from test_robot import ARM
-from test_urdf import URDF
+from robots import ARM, URDF
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot, parts_of
