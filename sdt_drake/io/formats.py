@@ -89,7 +89,8 @@ def _read_mat(path: Path) -> dict[str, Array]:
     from sdt_drake.io.mat import read_mat
 
     arrays = read_mat(path, 8 * _max_numbers(path))
-    count = max((max(values.shape) for values in arrays.values()), default=0)
+    timed = {"time": arrays["time"]} if "time" in arrays else arrays
+    count = max((max(values.shape) for values in timed.values()), default=0)
     upright = {
         name: values if len(values) == count else values.T
         for name, values in arrays.items()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import pickle
 import re
 
 import pytest
 
 from sdt_drake.io import errors
-from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.errors import InputError, Problem, at, checked_number, retelling, within
 from sdt_drake.io.files import checked_input, checked_output, keeping_inputs, read_text, replacing
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.tables import read_table
@@ -132,3 +133,37 @@ def test_a_number_that_is_its_bound():
     assert checked_number(0, "x", minimum=0) == 0
     with pytest.raises(InputError, match=r"^x: 0, expected a finite number > 0$"):
         checked_number(0, "x", minimum=0, exclusive=True)
+
+
+# --- problems as data ------------------------------------------------------------------------
+
+
+def refused(make):
+    with pytest.raises(InputError) as error:
+        make()
+    return error.value
+
+
+def test_places_and_names_are_put_around_problems():
+    def fail():
+        with within("a.yaml"), within("a.yaml"), at("plant"), at("friction"):
+            raise InputError("too large", place="[2]")
+
+    assert refused(fail).problems == (
+        Problem("too large", place="plant.friction[2]", where="a.yaml"),
+    )
+    assert f"{refused(fail)}" == "a.yaml: plant.friction[2]: too large"
+
+
+def test_problems_may_be_changed_and_sent_to_another_process():
+    class OwnError(InputError):
+        pass
+
+    def fail():
+        with retelling(lambda problem: problem._replace(place="--period")):
+            raise OwnError("-1, expected more", place="period")
+
+    error = refused(fail)
+    assert type(error) is OwnError and f"{error}" == "--period: -1, expected more"
+    plain = InputError(*error.problems)
+    assert pickle.loads(pickle.dumps(plain)).problems == plain.problems == error.problems

@@ -48,7 +48,7 @@ def test_the_bar_comes_late_and_goes_without_a_trace(monkeypatch):
     bar.tell(0.0)
     bar.tell(0.1)
     assert terminal.getvalue() == ""  # a command of 2 s needs none
-    monkeypatch.setattr(printing, "_LATE", -1.0)
+    monkeypatch.setattr(printing, "_BAR_DELAY", -1.0)
     bar.tell(0.25, "3 of 12 runs")
     assert " 25%" in terminal.getvalue() and "3 of 12 runs" in terminal.getvalue()
     bar.end()

@@ -63,16 +63,6 @@ def test_what_is_not_there_is_told_with_its_like(tmp_path, monkeypatch, text, ki
         find_file(text, *kinds)
 
 
-def test_scenarios_lists_all_names_and_prints_files(good, desk):
-    out = good("scenarios").out
-    for name in shipped(*SHIPPED):
-        assert re.search(rf"^  {name} +[A-Z].+", out, re.MULTILINE), name
-    assert max(map(len, out.splitlines())) <= 80
-    (desk / "own.yaml").write_text(good("scenarios", "coupled_pi").out)
-    own, base = load_scenario("own.yaml"), load_scenario("coupled_pi")
-    assert own == base
-
-
 # --- --set ----------------------------------------------------------------------------------------
 
 
@@ -136,9 +126,3 @@ def test_set_goes_into_the_run(good, desk, given):
 )
 def test_set_is_checked_like_a_file(refuse, change, words):
     refuse("simulate", RUN, "--set", change, saying=words)
-
-
-@pytest.mark.parametrize("command", [["tune"], ["view", "--record", "x.html"]])
-def test_set_needs_a_scenario(refuse, command):
-    saying = ["leans is no scenario"]
-    refuse(*command, "leans", "--set", "name=x", saying=saying)

@@ -1,28 +1,80 @@
-"""CSV tables: exact, and every bad file is refused with its line."""
+"""Tables: exact in all formats, and every bad file is refused with its line."""
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from sdt_drake.io import numbers
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.formats import BINARY, TABLES
 from sdt_drake.io.tables import read_table, write_table
 
 GOOD = "time,v_1,v_2\n0.0,1,2\n0.5,3,4\n1.0,5,6\n"
 
 
-def test_a_table_is_read_back_bit_by_bit(tmp_path):
-    time = 0.005 * np.arange(4)
-    v = np.array([[0.1, 1 / 3], [-0.0, 5e-324], [1.7976931348623157e308, np.pi], [1e-17, -1e22]])
-    tau = np.random.default_rng(0).normal(size=(4, 3))
-    path = tmp_path / "new" / "folder" / "table.csv"
-    write_table(path, time, {"v": v, "tau_cmd": tau})
-    assert path.read_text().splitlines()[0] == "time,v_1,v_2,tau_cmd_1,tau_cmd_2,tau_cmd_3"
-    read_time, columns = read_table(path)
-    assert list(columns) == ["v", "tau_cmd"]
-    for written, read in ((time, read_time), (v, columns["v"]), (tau, columns["tau_cmd"])):
-        assert written.tobytes() == np.ascontiguousarray(read).tobytes()
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@pytest.mark.parametrize("suffix", TABLES)
+def test_a_table_is_read_back_bit_by_bit(tmp_path, suffix):
+    path = tmp_path / "new" / "folder" / f"table{suffix}"
+
+    @given(st.data(), st.integers(2, 6), st.integers(1, 3))
+    def check(data, rows, joints):
+        time, q = (
+            0.005 * np.arange(rows),
+            data.draw(arrays(float, (rows, joints), elements=NUMBERS)),
+        )
+        tau = data.draw(arrays(float, (rows, joints), elements=NUMBERS))
+        write_table(path, time, {"q": q, "tau_cmd": tau})
+        read_time, columns = read_table(path)
+        assert set(columns) == {"q", "tau_cmd"}
+        for written, read in ((time, read_time), (q, columns["q"]), (tau, columns["tau_cmd"])):
+            assert written.tobytes() == np.ascontiguousarray(read).tobytes()
+
+    check()
+    write_table(path.with_suffix(".csv"), np.arange(2), {"q": np.eye(2)})
+    assert path.with_suffix(".csv").read_text().startswith("time,q_1,q_2\n")
+
+
+def test_other_tools_find_the_columns(tmp_path):
+    scipy_io, parquet = (pytest.importorskip(x) for x in ("scipy.io", "pyarrow.parquet"))
+    q = np.arange(15.0).reshape(5, 3)
+    for suffix in BINARY:
+        write_table(tmp_path / f"a{suffix}", np.arange(5.0), {"q": q})
+    found = scipy_io.loadmat(tmp_path / "a.mat")
+    assert found["time"].shape == (5, 1)
+    np.testing.assert_array_equal(found["q"], q)
+    table = parquet.read_table(tmp_path / "a.parquet")
+    assert table.column_names == ["time", "q_1", "q_2", "q_3"]
+    np.testing.assert_array_equal(table["q_3"].to_numpy(), q[:, 2])
+
+
+@pytest.mark.parametrize("suffix", BINARY)
+def test_bad_binary_tables_are_refused(tmp_path, suffix, monkeypatch):
+    path, v = tmp_path / f"run{suffix}", np.ones((3, 2))
+    path.write_text("time,q_1\n")
+    with pytest.raises(InputError, match=f"cannot be read as {suffix} "):
+        read_table(path)
+    path.unlink()
+    write_table(path, np.array([0.0, 0.02, 0.015]), {"v": v})
+    with pytest.raises(InputError, match=f"run{suffix}, row 3: time goes from 0.02 to 0.015 s"):
+        read_table(path)
+    write_table(path, np.arange(3.0), {"v": v * np.nan})
+    with pytest.raises(InputError, match=f"run{suffix}, row 1: v_1 is nan"):
+        read_table(path)
+    with pytest.raises(InputError, match=r"xlsx: unknown kind of file, expected \.csv, \.mat"):
+        write_table(tmp_path / "run.xlsx", np.arange(3.0), {"v": v})
+    if suffix == ".parquet":
+        monkeypatch.setitem(sys.modules, "pyarrow", None)
+        with pytest.raises(InputError, match=r"pip install 'sdt_drake\[exchange\]'"):
+            write_table(path, np.arange(3.0), {"v": v})
 
 
 @pytest.mark.parametrize(

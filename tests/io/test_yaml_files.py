@@ -57,13 +57,6 @@ def test_refused(tmp_path, case):
         read_yaml(path)
 
 
-def test_no_utf_8(tmp_path):
-    path = tmp_path / "file.yaml"
-    path.write_bytes(b"name: \xff\n")
-    with pytest.raises(InputError, match=r"file\.yaml: cannot be read"):
-        read_yaml(path)
-
-
 def test_aliases_merged_keys_tags_and_hidden_keys_are_read_as_drake_does(tmp_path):
     path = tmp_path / "file.yaml"
     text = """
@@ -98,12 +91,6 @@ def test_a_file_of_another_kind_is_one_line(file, told):
     with pytest.raises(InputError) as refused:
         load_scenario(models_dir() / file)
     assert f"{refused.value}" == f"{models_dir() / file}: {told}"
-
-
-def test_a_table_is_no_yaml(tmp_path):
-    (tmp_path / "run.csv").write_text("time,q_1\n")
-    with pytest.raises(InputError, match=r"run\.csv: is a table, expected a scenario$"):
-        load_scenario(tmp_path / "run.csv")
 
 
 def test_too_many_values_are_refused_before_all_is_read(monkeypatch, tmp_path):
