@@ -177,7 +177,7 @@ def test_command(tmp_path, capsys):
     ("arguments", "line"),
     [
         (["scenarios"], "TOPIC: 'scenarios', expected one of scenario, "),
-        (["robot", "--out", "a.json"], "a.json: robot has no JSON Schema, only scenario, "),
+        (["robot", "--out", "a.json"], "a.json: robot has no JSON Schema, expected one of "),
         (["robot", "--out", "a.txt"], "a.txt: unknown kind of file, expected .md, .json"),
         (["--out", "."], "README.md: expected one line <!-- reference: "),
     ],
