@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated, Any
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, number
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.results import RESULT_TABLES
+from sdt_drake.io.shown import formatted
 
 if TYPE_CHECKING:
     from sdt_drake.analysis.frequency_response import FrequencyResponse
@@ -43,7 +45,7 @@ def run(
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
     say(f"{chosen.summary().title}: {_verdict(response, design.robot)}")
-    print_joints(design.robot.joint_names, response.columns())
+    print_joints(design.robot.joint_names, _columns(response))
     cut = f"the loop is cut at {response.cut}"
     if response.at_positions:
         cut += f", sampled every {design.motion.period:g} s"
@@ -64,6 +66,23 @@ def run(
         lambda: sdt.plots.bode(title, response, design.robot.joint_names),
         response.results(title).write,
     )
+
+
+def _columns(response: FrequencyResponse) -> list[tuple[str, str, Iterable[Any]]]:
+    """Return the columns of the table, with the bandwidth also in Hz and margins in words."""
+    import numpy as np
+
+    columns: list[tuple[str, str, Iterable[Any]]] = []
+    for header, spec, values in response.columns():
+        if header in ("gain margin [dB]", "downwards [dB]"):
+            texts = [formatted(value, spec) for value in values]
+            unlimited = np.isnan(values) & response.stable
+            columns.append((header, "", np.where(unlimited, "unlimited", texts)))
+        else:
+            columns.append((header, spec, values))
+        if header == "bandwidth [rad/s]":
+            columns.append(("[Hz]", ".3f", values / (2 * np.pi)))
+    return columns
 
 
 def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:

@@ -50,12 +50,12 @@ def here(desk, good, prepared_files):
         (desk.parent / "given" / name).write_text(text, encoding="utf-8")
 
     def provide(line: str) -> None:
-        for name in FILES.keys() & set(line.split()):
+        for name in FILES.keys() & set(line.replace("bare.csv", "arm.csv").split()):
             if not (prepared_files / name).exists():
                 good(*FILES[name][:-1], str(prepared_files / name))
             (desk / name).write_bytes((prepared_files / name).read_bytes())
         if "bare.csv" in line:  # of another maker: it does not say which side its torques are of
-            header, *rows = command_line.read_csv(desk / "run.csv")
+            header, *rows = command_line.read_csv(desk / "arm.csv")
             kept = [k for k, name in enumerate(header) if re.match("time|q_ref|q_|tau_[1-4]", name)]
             text = "\n".join(",".join(row[k] for k in kept) for row in (header, *rows))
             (desk / "bare.csv").write_text(text, encoding="utf-8")
