@@ -1,16 +1,18 @@
-"""The cut-off frequency and the speeds that are chosen, where it is known which are good."""
+"""The chosen cut-off and speeds, and parts and blocks of long recordings."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from known_truth import changed, motion, recorded_of, true_robot
+from known_truth import changed, motion, recorded_of
 from scipy.signal import butter, sosfiltfilt
 
+from sdt_drake.machine.identify import equations as module
 from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.machine.identify.cutoff import Choice, chosen
-from sdt_drake.machine.identify.filtering import stretches
-from sdt_drake.machine.identify.procedure import belief, identify
+from sdt_drake.machine.identify.equations import equations
+from sdt_drake.machine.identify.filtering import Stretch, spread, stretches
+from sdt_drake.machine.identify.procedure import MAX_ROWS, belief, few_of, identify
 
 RATE = 100.0  # Hz, of the recordings; the highest cut-off that is tried is a tenth
 
@@ -18,11 +20,6 @@ RATE = 100.0  # Hz, of the recordings; the highest cut-off that is tried is a te
 def choice(robot, recorded, cutoff=None):
     unknown = Unknown.everything(robot)
     return chosen(robot, unknown, belief(robot, unknown), stretches(recorded)[0], cutoff)
-
-
-@pytest.fixture(scope="module")
-def clean(robot):
-    return recorded_of(true_robot(robot), noise=0.002)
 
 
 def shaken(recorded, lowest, share):
@@ -39,35 +36,64 @@ def test_a_lower_cutoff_gains_nothing_by_comparing_less(robot, clean):
     assert choice(robot, clean) == Choice(10.0, speeds=False)
 
 
-def test_no_joint_is_blamed_for_what_its_torque_has_above_the_motion(robot, clean):
-    noisy = shaken(clean, 5.0, 1.0)
-    found = identify(robot, [noisy])
-    assert 2.0 < found.cutoff < 6.0
-    assert np.all(found.left(found.predicted, held_out=True) < 0.15)
-    at_most = identify(robot, [noisy], cutoff=10.0)
-    assert np.all(at_most.left(at_most.predicted, held_out=True) > 0.25)
+@pytest.fixture(scope="module")
+def clean(true):
+    return recorded_of(true, noise=0.002)
 
 
-def test_noise_of_encoders_is_below_no_prediction(robot, clean):
-    """Accelerations at 10 Hz would be noise."""
-    noise = 5e-4 * np.random.default_rng(2).normal(size=clean.signals["q"].shape)
-    assert choice(robot, changed(clean, q=clean.signals["q"] + noise)).cutoff < 7.0
+def test_the_cutoff_is_where_the_motion_ends_and_noise_begins(robot, clean):
+    assert 2.0 < choice(robot, shaken(clean, 5.0, 1.0)).cutoff < 6.0
 
 
 def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
     rng, v = np.random.default_rng(3), motion(robot)[2]
     noisy = changed(clean, q=clean.signals["q"] + 2e-4 * rng.normal(size=v.shape))
-    good, bad = (v + size * rng.normal(size=v.shape) for size in (1e-4, 1e-1))
-    assert choice(robot, changed(noisy, v=good)).speeds
-    assert choice(robot, changed(noisy, v=good), 4.0) == Choice(4.0, speeds=True)
-    assert not choice(robot, changed(noisy, v=bad)).speeds
-    for recorded, said in ((good, "recorded"), (bad, "differentiated")):
-        found = identify(robot, [changed(noisy, v=recorded)])
-        assert f"{said} speeds are used" in " / ".join(found.notes)
-        assert found.speeds == (said == "recorded")
+    good, bad = (changed(noisy, v=v + x * rng.normal(size=v.shape)) for x in (1e-4, 1e-1))
+    assert choice(robot, good, 4.0) == Choice(4.0, speeds=True)
+    assert not choice(robot, bad).speeds
+    found = identify(robot, [good], only="friction", cutoff=4.0)
+    assert found.speeds and "recorded speeds are used" in " / ".join(found.notes)
 
 
-def test_what_is_held_out_has_no_say(robot, clean):
+def test_held_out_data_do_not_change_the_cutoff(robot, clean):
     tau = clean.signals["tau"].copy()
     tau[1400:] += 1e3 * np.random.default_rng(4).normal(size=tau[1400:].shape)
-    assert identify(robot, [changed(clean, tau=tau)]).cutoff == identify(robot, [clean]).cutoff
+    one, other = (identify(robot, [x], only="friction") for x in (clean, changed(clean, tau=tau)))
+    assert one.cutoff == other.cutoff
+
+
+def test_columns_in_blocks_are_those_of_all(robot, true, monkeypatch):
+    (stretch,), _ = stretches(recorded_of(true))
+    arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
+    whole = equations(*arguments)
+    monkeypatch.setattr(module, "_BLOCK_SAMPLES", 900)
+    parts = equations(*arguments)
+    assert len(parts.time) == len(whole.time) and np.all(parts.part == 0)
+    for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
+        one, other = getattr(parts, name), getattr(whole, name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
+
+
+def test_windows_are_spread_over_all_of_a_recording():
+    """Two stretches of 60 s and 40 s, of which 10 s are enough, below 100 Hz."""
+    found = [
+        Stretch(start, 0.01, *2 * [np.arange(start, start + lasts, 0.01)[:, None]])
+        for start, lasts in ((0.0, 60.01), (80.0, 40.01))
+    ]
+    assert spread(found, 101.0, 100.0) == found
+    windows = spread(found, 10.0, 100.0)
+    assert len(windows) == 20 and windows[0].start == 0
+    np.testing.assert_allclose(windows[-1].end, 120)
+    for window in windows:  # their values are their times
+        lasts = window.end - window.start
+        assert abs(lasts - 0.5) < 0.011
+        np.testing.assert_allclose(window.q[[0, -1], 0], [window.start, window.end])
+    assert sum(window.start < 70 for window in windows) == 12
+    assert len(spread(found, 1.0, 100.0)) == 2  # of enough periods, rather than short ones
+
+
+def test_equations_of_a_long_recording_have_no_more_rows():
+    stretch = Stretch(0.0, 0.01, *2 * [np.zeros((100_000, 1))])
+    for cutoff in (1.0, 8.0):
+        few = few_of([(0, np.inf, stretch)], cutoff)
+        assert sum(one.end - one.start for *_, one in few) <= 1.01 * MAX_ROWS / (4 * cutoff)

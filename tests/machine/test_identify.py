@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from known_truth import (
     COULOMB_TRUE,
-    PILOT,
     VISCOUS_TRUE,
     changed,
     motion,
     recorded_of,
     true_robot,
 )
-from robots import chain_sdf
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
-from sdt_drake.machine.identify import model
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.consistency import links_of, nearest_consistent
 from sdt_drake.machine.identify.equations import equations
@@ -36,25 +31,14 @@ from sdt_drake.machine.identify.model import (
 )
 from sdt_drake.machine.identify.procedure import belief, identify
 from sdt_drake.machine.identify.suspicions import weakly_excited
-from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
-from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
+from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.figures.identification import residuals_figure
 from sdt_drake.show.reports.identification import (
     friction_notes,
     friction_table,
 )
-
-
-@pytest.fixture(scope="module")
-def true(robot):
-    return true_robot(robot)
-
-
-@pytest.fixture(scope="module")
-def found(robot, true):
-    return identify(robot, [recorded_of(true)])
 
 
 def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, true, tmp_path):
@@ -116,62 +100,6 @@ def test_intervals_cover_the_truth(robot, true, moving):
     assert 0.91 < np.mean(inside) < 0.985
 
 
-def test_what_is_left_where_a_joint_rests_says_nothing_of_the_rest(robot, true):
-    """Friction may be anything there; it is not fitted, and makes nothing uncertain."""
-    (stretch,), _ = stretches(recorded_of(true))
-    usual = [USUAL] * robot.n
-    eq = equations(
-        robot, Unknown.everything(robot), [(0, np.inf, stretch)], 4.0, lambda _: (USUAL,)
-    )
-    rests = np.zeros_like(eq.moves)
-    rests[:20] = True
-    eq = replace(eq, moves=eq.moves & ~rests)
-    odd = replace(eq, tau=eq.tau + 100.0 * np.std(eq.tau, axis=0) * rests)
-    one, other = (estimate(x, belief(robot, Unknown.everything(robot)), usual) for x in (eq, odd))
-    np.testing.assert_allclose(other.beta, one.beta, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6, atol=1e-12)
-
-
-def test_a_recording_that_begins_and_ends_in_motion_is_judged_by_the_motion(robot, true):
-    """Nobody knows how it went on beyond its ends: what filters make up there is not judged."""
-    parts = [(0, 12.0, stretches(recorded_of(true, noise=0.001))[0][0])]
-    for cutoff in (5.0, 10.0):
-        eq = equations(robot, Unknown.everything(robot), parts, cutoff, lambda _: (USUAL,))
-        found = estimate(eq, belief(robot, Unknown.everything(robot)), [USUAL] * robot.n)
-        off = np.abs(eq.tau - found.torque(eq))
-        ends = (eq.time < 1.0) | (eq.time > 19.0)
-        assert np.all(off[ends].max(axis=0) < 1.2 * off[~ends].max(axis=0))
-
-
-def test_a_stretch_may_be_of_three_rows(robot, true):
-    (stretch,), _ = stretches(recorded_of(true))
-    eq = equations(
-        robot, Unknown.everything(robot), [(0, np.inf, stretch)], 4.0, lambda _: (USUAL,)
-    )
-    parted = replace(eq, part=np.where(np.arange(len(eq.part)) < 23, 99, eq.part))
-    parted = replace(parted, fit=parted.fit & (np.arange(len(eq.part)) >= 20))
-    one = estimate(parted, belief(robot, Unknown.everything(robot)), [USUAL] * robot.n)
-    assert np.all(np.isfinite(one.covariance)) and np.all(np.diagonal(one.covariance) > 0)
-
-
-def test_means_between_samples_tell_what_samples_do_not(robot):
-    """A drive whose torque falls in each period by a fifth of it, as a held reference makes it."""
-    fine = 8
-    time, q, v, vd = motion(robot, 10.0, 200.0 * fine)
-    tau = inverse_dynamics(robot, q, v, vd)
-    impulse = np.cumsum(np.vstack([tau[:1] * 0, (tau[1:] + tau[:-1]) / 2]), axis=0)[::fine] / fine
-    mean = np.vstack([tau[:1], np.diff(impulse, axis=0)])
-    signals = {"q": q[::fine], "tau": 0.8 * tau[::fine], "tau_mean": mean}
-    (found,), notes = stretches(Recorded(Path("held.csv"), time[::fine], signals))
-    np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
-    assert notes == ["torques are the recorded means over sample periods (tau_mean)"]
-    ends = {"q": signals["q"], "tau": signals["tau"]}
-    _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends, of_links=True))
-    assert "simulate again to record the means" in notes[0]
-    _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends))  # of a robot
-    assert notes == []
-
-
 def test_neither_units_of_a_joint_nor_what_is_held_out_change_the_estimate(found):
     eq, prior = found.equations, belief(found.nominal, found.unknown)
     size = np.array([1.0, 30.0, 0.1, 5.0])
@@ -193,42 +121,6 @@ def test_friction_follows_the_links_to_where_it_is_likeliest(found):
     change = np.concatenate([links, friction]) / size
     slope = information[r:] @ change
     assert np.abs(slope).max() < 1e-3 * np.abs(information[r:, :r] @ change[:r]).max()
-
-
-def test_damping_of_the_file_is_no_friction_of_the_scenario(tmp_path):
-    text = re.sub("<damping>.*?<", "<damping>9<", chain_sdf(4))
-    (tmp_path / "chain.sdf").write_text(text)
-    chain = load_robot(tmp_path / "chain.sdf")
-    time, q, v, vd = motion(chain)
-    tau = inverse_dynamics(chain, q, v, vd)
-    found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
-    assert np.all(chain.damping == 9)
-    assert np.all(found.left(found.equations.nominal, held_out=True) < 0.01)
-    assert np.max(plant_friction(found).friction.viscous) < 0.1
-
-
-def test_light_joints_do_not_stick_so_stiffly_that_they_are_slow_to_simulate(tmp_path):
-    """Damping of bristles, 5 ms F_c / z_c, over the least inertia: a pole that caps the step."""
-    (tmp_path / "chain.sdf").write_text(chain_sdf(4, rotor_inertia=1e-4))
-    chain, coulomb = load_robot(tmp_path / "chain.sdf"), 20.0
-    time, q, v, vd = motion(chain)
-    tau = inverse_dynamics(chain, q, v, vd) + coulomb * np.sign(v)
-    found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
-    least = torque_groups(chain, q, v, vd).d_kk.min() + chain.reflected_inertia.min()
-    pole = 0.005 * coulomb / plant_friction(found).friction.presliding / least
-    assert pole == pytest.approx(5000, rel=0.1)
-
-
-def test_payload_alone(robot):
-    """Another pilot in a device that is known: a kilogram, a centimetre."""
-    found = identify(robot, [recorded_of(deviated(robot, PILOT), noise=0.003)], only="payload")
-    (link,), (pseudo,) = found.consistent.links, found.consistent.pseudo
-    mass, com, _ = link.inertial(pseudo)
-    was, centre, _ = link.inertial(link.pseudo)
-    assert abs(mass - was - 18) < 1
-    assert np.linalg.norm(com - centre - PILOT.payload_offset) < 0.01
-    with pytest.raises(InputError, match="no moving link 'pilot', expected one of arm; roll"):
-        identify(robot, [recorded_of(robot)], only="payload", payload="pilot")
 
 
 def test_friction_alone_has_its_law(robot):
@@ -266,31 +158,6 @@ def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
     assert day.startswith("friction is that of one recording: on another day")
     _, said = friction_notes(by(("another", shifted)), other)
     assert said.startswith("joint 2: ") and "(another)" in said
-
-
-def test_few_seconds_of_noise_do_not_decide_a_law_of_friction(robot, true):
-    few = identify(robot, [recorded_of(true, seconds=6.0, noise=0.2)], only="friction")
-    assert plant_friction(few).undecided.max() > 0.5
-    many = identify(robot, [recorded_of(true, noise=1e-4)])
-    assert many.estimate.rivals == ([],) * 4 and plant_friction(many).undecided.max() == 0
-
-
-def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
-    """At speeds where a Stribeck peak is 0 to the last digit, or next to it."""
-    time, q, v, vd = motion(robot)
-    fast = np.abs(v).max(axis=0) + np.array([0.05, 0.2, 1.0, 3.0])  # rad/s
-    q, v = q + fast * time[:, None], v + fast
-    tau = inverse_dynamics(robot, q, v, vd) + COULOMB_TRUE + VISCOUS_TRUE * v
-    recorded = Recorded(Path("fast.csv"), time, {"q": q, "tau": tau})
-    friction = plant_friction(identify(robot, [recorded], only="friction")).friction
-    assert friction.breakaway is None
-    np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
-
-    v = np.linspace(0.5, 3.0, 200)
-    rounded = 60 + 16 * v + 1e-9 * (v == v[0])  # the slowest speed alone sees anything of a peak
-    for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
-        (_, _, stribeck), _ = model._nearest(v, rounded, peak)
-        assert stribeck == 0
 
 
 def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():

@@ -250,9 +250,9 @@ def _check_alive(recorded: Recorded) -> None:
     q, tau = recorded.signals["q"], recorded.signals["tau"]
     dead = np.flatnonzero(np.ptp(tau, axis=0) == 0)
     if len(dead):
+        value = f"{tau[0, dead[0]] + 0.0:g} N m"
         raise InputError(
-            f"{recorded.path}: tau_{dead[0] + 1}: {tau[0, dead[0]] + 0.0:g} N m in all samples, expected "
-            "measured torques"
+            f"{recorded.path}: tau_{dead[0] + 1}: {value} in all samples, expected measured torques"
         )
     if np.all(np.ptp(q, axis=0) < 1e-6):
         raise InputError(f"{recorded.path}: no joint moves")

@@ -1,0 +1,21 @@
+"""One device that is not quite as its file, and its identification."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def true(robot):
+    from known_truth import true_robot
+
+    return true_robot(robot)
+
+
+@pytest.fixture(scope="session")
+def found(robot, true):
+    from known_truth import recorded_of
+
+    from sdt_drake.machine.identify.procedure import identify
+
+    return identify(robot, [recorded_of(true)])
