@@ -15,6 +15,7 @@ from sdt_drake.machine.identify.base_parameters import (
 )
 from sdt_drake.robot.dynamics import inverse_dynamics
 
+
 @settings(max_examples=20)
 @given(moving(20))
 def test_regressor_times_parameters_is_drakes_torque(drawn):
