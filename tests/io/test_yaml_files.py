@@ -18,12 +18,8 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 BAD = {
     "aliases of aliases": (BOMB, "too large, expected at most 200000 values and 50 levels"),
     "an alias of itself": ("name: &a [*a]\n", "too large"),
-    "a mapping of itself": ("&a\nname: *a\n", "too large"),
-    "deep": ("name: " + 51 * "[" + 51 * "]", "too large"),
     "very deep": ("name: " + 600 * "[" + 600 * "]", "too large"),
     "unclosed": ("joints: [1", "not valid YAML"),
-    "two documents": ("name: a\n---\nname: b\n", "not valid YAML"),
-    "a tab": ("\tname: a\n", "not valid YAML"),
     "a tag on a list": ("name: !Spline [1]\n", "line 1: name: !Spline on a list"),
     "twice": ("name: a\nperiod: 1\nname: b\n", "line 3: name: is given twice"),
     "twice below": ("a: [{b: 1, b: 2}]\n", r"line 1: a\[1\]\.b: is given twice"),
@@ -34,17 +30,10 @@ BAD = {
         "line 2: name: 10001 characters, expected at most",
     ),
     "a number of many digits": (f"name: {'1' * 5000}", "not valid YAML"),
-    "nul": ('name: "a\\0b"', "line 1: name: control characters in a text"),
     "half a letter": ('name: "a\\ud800b"', "line 1: name: control characters in a text"),
     "an escape": ('"\\e[31m": 1', "line 1: control characters in a text"),
-    "yes": (
-        "name: a\nyes: 1\n",
-        "line 2: the key yes is no text in YAML",
-    ),
-    "off": ("off: 1\n", "line 1: the key off is no text"),
-    "a number": ("1: 1\n", "line 1: the key 1 is no text"),
+    "yes": ("name: a\nyes: 1\n", "line 2: the key yes is no text in YAML"),
     "a list": ("? [a]\n: 1\n", "line 1: the key of several values is no text"),
-    "nothing": ("~: 1\n", "line 1: the key ~ is no text"),
 }
 
 
@@ -80,10 +69,8 @@ f: |
     ("file", "told"),
     [
         ("studies/monte_carlo.yaml", "is a study, expected a scenario"),
-        ("studies/sizing.yaml", "is a study, expected a scenario"),
         ("motions/leans.yaml", "is a motion, expected a scenario"),
         ("motors.yaml", "is a file of motors, expected a scenario"),
-        ("drives.yaml", "is a file of drives, expected a scenario"),
         ("sdt.sdf", "is a robot, expected a scenario"),
     ],
 )

@@ -132,17 +132,12 @@ BAD = [
     ("<izz>0.6", "<izz>0.77", _UPPER + r".*triangle inequality.* 0\.25 \+ 0\.5 < 0\.77"),
     ("<ixx>0.1<", "<ixy>0.3</ixy><ixx>0.1<", _LOWER + r".*principal moment -0\.154"),
     (_LOWER_INERTIAL, "", _LOWER + "no <mass>"),
-    ("<mass>2</mass>", "", _LOWER + "no <mass>"),
-    ("<ixx>0.1</ixx>", "", _LOWER + "no <ixx>"),
     ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
     ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
-    ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
     # Numbers that Drake would take up to some letter, or of which it would take the first.
     ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
     ("<effort>40", "<effort>\uff14\uff10", _ELBOW + "<effort> is '\uff14\uff10'"),
-    ("<effort>40", "<effort>4 0", _ELBOW + "<effort> is '4 0'"),
     ("<effort>40", "<effort>4<b/>0", _ELBOW + "<effort> is '4'"),
-    ("<effort>40", "<effort>1e400", _ELBOW + "<effort> is '1e400'"),
     ("<effort>40", "<effort>" + 10**6 * "4", _ELBOW + r"<effort> is '4{40}\.\.\.'"),
     ("<pose>0.3 0", "<pose>0,3 0", _LOWER + "<pose> is '0,3 0 0 0 0 0', expected 6 or 7 numbers"),
     ("0 1 0", "0 1 0 9", "<xyz> is '0 1 0 9', expected 3 numbers"),
@@ -153,10 +148,8 @@ BAD = [
     # Names.
     ("elbow", 10**5 * "e", r"<joint> has the name 'e{40}\.\.\.', expected 1 to 100"),
     ('"lower"', '"a&#10;b"', r"<link> has the name 'a\\nb', expected"),
-    ("<child>lower", "<child>" + 10**5 * "e", "Child frame"),
     # Versions.
     ('version="1.9"', 'version="one"', "<sdf version='one'>, expected"),
-    (' version="1.9"', "", "<sdf version=''>, expected"),
     ('version="1.9"', 'version="1.99"', "SDF version"),
     # Joints.
     ("<damping>", "<friction>0.2</friction><damping>", _SHOULDER + "<friction> 0.2"),
@@ -172,38 +165,20 @@ BAD = [
         + _END,
         "branches at joints 'elbow', 'wrist'",
     ),
-    ("<parent>world", "<parent>third", "third"),
     (_END, _THIRD_LINK + _END, r"1 link\(s\) are not connected to the world"),
     ("revolute", "fixed", "no revolute joint"),
-    *(
-        (f"<{tag}>{value}<", f"<{tag}>nan<", rf"{_SHOULDER}<(drake:)?{tag[-12:]}> is 'nan'")
-        for tag, value in (("damping", 0.7), ("velocity", 3), ("lower", -2))
-    ),
-    (
-        "<velocity>3<",
-        "<drake:acceleration>-1</drake:acceleration><velocity>3<",
-        _SHOULDER + "<acceleration> -1, expected a number > 0",
-    ),
+    ("<damping>0.7", "<damping>nan", _SHOULDER + "<damping> is 'nan'"),
     # Forces that no torque group holds, and elements without effect.
     (_END, "<drake:linear_bushing_rpy/></model>", "<linear_bushing_rpy> in <model> is not supp"),
-    (_END, "<drake:ball_constraint/></model>", "<ball_constraint> in <model> is not supported"),
     ("</limit></axis>", '</limit><mimic joint="shoulder"/></axis>', _ELBOW + "<mimic> in <axis>"),
-    ("<drake:gear_ratio>", '<drake:controller_gains p="9" d="1"/><drake:gear_ratio>', _SHOULDER),
     # Motors.
     (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf N m, expected a finite <effort> > 0"),
-    ("<effort>40", "<effort>inf", _ELBOW + "actuator effort limit inf"),
-    ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0"),
     ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
     ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
     # Files.
     (ARM, "robot", "not well-formed XML"),
-    (
-        _END,
-        "<include><uri>package://sdt/sdt.sdf</uri></include></model>",
-        "<include> in <model> is not supported",
-    ),
     ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
     ("<mass>2", 100 * "<a>" + 100 * "</a>" + "<mass>2", "more than 50 nested elements"),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
