@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from strategies import GENERATORS, moving, robots
@@ -16,7 +16,9 @@ from sdt_drake.robot.dynamics import decouple, effective_inertia, inverse_dynami
 from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.robot import edited, load_robot, parts_of
 
-FEW = settings(max_examples=10)
+NO_SHRINKING = (Phase.explicit, Phase.generate)  # a seed has no simpler one
+FEW = settings(max_examples=10, phases=NO_SHRINKING)
+MANY = settings(max_examples=30, phases=NO_SHRINKING)
 
 
 def drake_torque(robot, q, v, vd):
@@ -55,11 +57,13 @@ def check_groups(robot, q, v, vd):
     np.testing.assert_allclose(whole, groups.total + motors, rtol=1e-9, atol=1e-8)
 
 
+@MANY
 @given(moving())
 def test_torque_groups_add_up_to_drakes_inverse_dynamics(case):
     check_groups(*case)
 
 
+@MANY
 @given(moving())
 def test_torque_groups_add_up_to_pinocchios_inverse_dynamics(case):
     robot, total = case[0], torque_groups(*case).total
@@ -109,6 +113,7 @@ def test_power_of_the_torques_is_the_change_of_the_energy_and_the_loss(case):
         )
 
 
+@MANY
 @given(robots(coupled=True), GENERATORS)
 def test_sides_of_the_gears(robot, rng):
     """Speeds by the coupling, torques by the same power."""
