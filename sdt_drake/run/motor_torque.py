@@ -50,7 +50,7 @@ def period_torque(loop: Loop, signals: Mapping[str, Array]) -> dict[str, Array]:
         "tau_peak": (np.abs(start), np.maximum.reduceat(np.abs(steps.tau).max(axis=0), first)),
         "tau_rms": (np.abs(start), np.sqrt(over_periods(square))),
         "tau_mean": (start, over_periods(mean)),
-        "saturated": (np.zeros_like(start), over_periods(saturated)),
+        "saturated": (np.zeros_like(start), np.minimum(over_periods(saturated), 1.0)),
     }
     return {name: np.vstack(parts) for name, parts in columns.items()}
 

@@ -17,38 +17,13 @@ from sdt_drake.io.fields import check
 from sdt_drake.run.controllers import (
     Controller,
     Pi,
-    controller_class,
     make_controller,
     predicts_updates,
     register_controller,
 )
-from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
-from sdt_drake.run.scenario import PLANTS
-from sdt_drake.systems.gains import FEEDFORWARDS, STRUCTURES
+from sdt_drake.run.kinds import CONTROLLERS
 
 # --- what they tell --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_words_are_known(designed, name):
-    kind = CONTROLLERS[name]
-    assert kind.feedforward in FEEDFORWARDS
-    assert kind.structure is None or kind.structure in STRUCTURES
-    assert kind.plants and set(kind.plants) <= set(PLANTS)
-    assert set(kind.options) <= set(OPTIONS)
-    assert kind.needs
-    design = designed("coupled_pi", {"controller.kind": name}, end=0.1)
-    assert len(controller_class(name).in_words(design)) > len(name)
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("feedforward", FEEDFORWARDS)
-def test_better_feedforward_needs_more(name, feedforward):
-    needs, none = CONTROLLERS[name].needs_with(feedforward), CONTROLLERS[name].needs
-    assert needs[: len(none)] == none
-    more = FEEDFORWARDS.index(feedforward)  # nothing, the links, the links and the motors
-    assert len(needs) == len(none) + more
-    assert ("motors' inertia" in needs[len(none) :]) == (feedforward == "id")
 
 
 # --- one's own -------------------------------------------------------------------------------

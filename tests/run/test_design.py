@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
 from variants import kind
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.motion import Motion
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import decouple, torque_groups
-from sdt_drake.robot.robot import edited, load_robot
-from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import ControllerChoice, with_fields
+from sdt_drake.run.scenario import ControllerChoice
 from sdt_drake.systems.gains import tune
 
 R = np.array([67.2, 1, 1, 1])
@@ -75,35 +70,12 @@ def sliding(v):
 # --- torque feedforward ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["pi", "p_pi", "pi_scheduled", "inverse_dynamics"])
-def test_no_feedforward_is_none(make, kind):
-    assert make(kind).tau_ff is None
-
-
-@pytest.mark.parametrize("algorithm", ["consistent", "printed"])
-@pytest.mark.parametrize("name", ["pi_ctc", "p_pi", "pi_scheduled"])
-def test_ctc_is_the_load(designed, name, algorithm):
-    fields = kind(name, feedforward=None if name == "pi_ctc" else "ctc")
-    design = designed("coupled_pi", fields | {"algorithm": algorithm})
-    np.testing.assert_array_equal(design.tau_ff, design.loads.load_torque)
-
-
 @pytest.mark.parametrize("kind", ["pi_id", "p_pi", "pi_scheduled"])
 def test_id_is_drakes_inverse_dynamics_with_the_rotors(make, kind):
     design = make(kind, feedforward=None if kind == "pi_id" else "id")
     assert design.tau_ff.shape == design.motion.v.shape
     expected = inverse_dynamics(design.robot, design.motion) / R
     np.testing.assert_allclose(design.tau_ff[::100], expected, rtol=1e-9, atol=1e-9)
-
-
-def test_id_on_axes_is_the_same(make):
-    np.testing.assert_array_equal(make("pi_id", scenario="axis_pi").tau_ff, make("pi_id").tau_ff)
-
-
-def test_gain_is_a_factor_on_each_joint(make):
-    gain = [0.5, 1.2, 0.0, -1.0]
-    design = make("pi_id", feedforward_gain=gain)
-    np.testing.assert_allclose(design.tau_ff, gain * make("pi_id").tau_ff, rtol=1e-14)
 
 
 @pytest.mark.parametrize("kind", ["pi", "p_pi", "inverse_dynamics"])
@@ -120,17 +92,7 @@ def test_friction_compensation_is_added_after_the_gain(make):
     np.testing.assert_allclose(design.tau_ff, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_friction_is_not_compensated_unasked(make):
-    np.testing.assert_array_equal(make("pi_id", friction=FRICTION).tau_ff, make("pi_id").tau_ff)
-    assert make("pi", friction=FRICTION).tau_ff is None
-
-
 # --- a wrong model ---------------------------------------------------------------------------
-
-
-def test_the_model_is_the_robot_by_default(make):
-    design = make("pi_id")
-    assert design.model is design.robot
 
 
 def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
@@ -194,13 +156,6 @@ def test_inertia_share_is_1_where_the_inertia_is_largest(make, model):
     assert share.min(axis=0)[:2].max() < 0.95
 
 
-def test_natural_frequency_of_given_gains(make):
-    ki = [4.64e3, 1.07e5, 8.67e5, 2.73e5]
-    design = make(omega_r=None, zeta=None, kp=[267.1, 6.34e3, 5.2e4, 1.57e4], ki=ki)
-    i_eff = ROTORS + link_inertia(design.robot, design.motion).max(axis=0) / R**2
-    np.testing.assert_allclose(design.omega_n**2 * i_eff, ki, rtol=1e-12)
-
-
 def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
     np.testing.assert_allclose(make("p_pi").position_gain, OMEGA_R / 8, rtol=1e-12)
     given = make("p_pi", position_gain=[1.0, 2.0, 3.0, 4.0]).position_gain
@@ -208,10 +163,6 @@ def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
 
 
 # --- elastic joints --------------------------------------------------------------------------
-
-
-def test_rigid_by_default(make):
-    assert make().springs is None
 
 
 def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make):
@@ -245,14 +196,6 @@ def test_springs_stay_whatever_they_carry(designed, name):
     nominal, heavier = designed(name, elastic), designed(name, elastic | heavy)
     np.testing.assert_array_equal(heavier.springs.stiffness, nominal.springs.stiffness)
     np.testing.assert_array_equal(heavier.springs.damping, nominal.springs.damping)
-
-
-def test_spring_of_an_axis_turns_its_constant_inertia_less_the_rotor(make):
-    design = make(
-        scenario="axis_pi", elasticity=Elasticity(OMEGA.tolist()), zeta=None, omega_r=None
-    )
-    links = R**2 * (np.array([4.26, 98.01, 796.3, 250.28]) - ROTORS)
-    np.testing.assert_allclose(design.springs.stiffness, OMEGA**2 * links, rtol=1e-12)
 
 
 # --- what is refused -------------------------------------------------------------------------
@@ -315,36 +258,3 @@ def test_what_cannot_be_or_would_make_the_simulation_crawl(designed, name, field
     with pytest.raises(InputError, match=rf"^scenario '{name}': {message}") as error:
         designed(name, fields)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("field", ["controller.model", "plant.deviation"])
-def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field):
-    seat = Deviation("seat", payload_mass=1.0)
-    scenario = with_fields(design.scenario, {"motion": "not_there.yaml", field: seat})
-    with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat', expected one of "):
-        make_design(scenario)
-
-
-def test_spring_without_a_rotor_is_refused(design):
-    def no_rotor(root):
-        rotor = root.find(".//joint[@name='pitch']").find("drake:rotor_inertia")
-        rotor.text = "0"
-
-    robot = edited(load_robot(), no_rotor)
-    scenario = dataclasses.replace(
-        design.scenario,
-        plant=dataclasses.replace(
-            design.scenario.plant, elasticity=Elasticity([90.0, 0.0, 90.0, 0.0])
-        ),
-    )
-    still = Motion.from_speeds(0.005, np.zeros(4), np.zeros((11, 4)))
-    message = (
-        r"^scenario 'coupled_pi_ctc': plant\.elasticity: joint 3 has the rotor inertia 0 kg m² "
-        r"\(motor side\) and the link inertia \S+ kg m² \(joint side\); an elastic joint needs "
-        r"both > 0$"
-    )
-    with pytest.raises(InputError, match=message):
-        make_design(scenario, robot=robot, motion=still)
-    # Nobody asks for the rotor of a rigid joint.
-    scenario.plant.elasticity.natural_frequency = [90.0, 90.0, 0.0, 90.0]
-    assert make_design(scenario, robot=robot, motion=still).springs is not None

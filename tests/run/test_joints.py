@@ -7,14 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 from by_hand import GEAR, ROTORS
-from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
-from pydrake.systems.primitives import ConstantVectorSource, Linearize
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.robot.device import Elasticity, FrictionParameters, Springs
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator
 from sdt_drake.systems import (
-    AxisProcess,
     ElasticJoints,
     JointFriction,
     RobotPlant,
@@ -126,9 +125,6 @@ def test_link_on_its_spring_swings_at_the_given_frequency(designed, k):
     assert damping / (2 * omega * inertia) == pytest.approx(0.03, rel=1e-3)
 
 
-OMEGA = np.array([90.0, 120.0, 150.0, 80.0])
-
-
 class Elastic:
     """A process behind springs, without torque of the motors."""
 
@@ -159,44 +155,6 @@ class Elastic:
                 block.GetOutputPort(name).Eval(block.GetMyContextFromRoot(root)), 2
             )
         ]
-
-
-def test_elastic_axes_swing_at_the_given_frequencies_and_keep_their_momentum(designed):
-    """Behind its springs an axis turns the links alone; with its motor free, it swings with
-    omega² (1 + d / (r² I_m))."""
-    fields = {"plant.elasticity": Elasticity(OMEGA.tolist(), damping_ratio=0.03)}
-    design = designed("axis_pi", fields, end=0.1)
-    links = GEAR**2 * (design.i_eff - ROTORS)
-    axes = make_loop(design).GetSubsystemByName("axis_process")
-    context = axes.CreateDefaultContext()
-    for name, tau in (("tau", np.ones(4)), ("load_torque", np.zeros(4))):
-        axes.GetInputPort(name).FixValue(context, tau)
-    vd = axes.EvalTimeDerivatives(context).CopyToVector()[4:]
-    np.testing.assert_allclose(vd, GEAR / links, rtol=1e-12)
-
-    def linear(springs):
-        diagram = Elastic(AxisProcess(i_eff=links / GEAR**2, gear_ratio=GEAR), springs).diagram
-        ports = InputPortSelection.kNoInput, OutputPortSelection.kNoOutput
-        return Linearize(diagram, diagram.CreateDefaultContext(), *ports).A()
-
-    A = linear(design.springs)
-    for k in range(4):
-        roots = np.linalg.eigvals(A[np.ix_([k, 4 + k], [k, 4 + k])])  # motor held
-        np.testing.assert_allclose(np.abs(roots), OMEGA[k], rtol=1e-9)
-        np.testing.assert_allclose(-roots.real / OMEGA[k], 0.03, rtol=1e-9)
-    undamped = dataclasses.replace(design.springs, damping=np.zeros(4))
-    found = np.linalg.eigvals(linear(undamped)).imag
-    expected = np.sort(OMEGA * np.sqrt(1 + links / (GEAR**2 * ROTORS)))
-    np.testing.assert_allclose(np.sort(found[found > 1]), expected, rtol=1e-6)
-
-    elastic = Elastic(AxisProcess(i_eff=links / GEAR**2, gear_ratio=GEAR), design.springs)
-    q, v, q_motor, v_motor = np.random.default_rng(7).normal(size=(4, 4))
-    simulator = elastic.start(0.01 * q, v, 0.01 * q_motor, v_motor, 1e-8)
-    simulator.AdvanceTo(1.0)
-    _, end, _, end_motor = elastic.states(simulator)
-    assert np.abs(end_motor - v_motor).max() > 0.1
-    momentum = links * v + GEAR**2 * ROTORS * v_motor
-    np.testing.assert_allclose(links * end + GEAR**2 * ROTORS * end_motor, momentum, rtol=1e-6)
 
 
 def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):

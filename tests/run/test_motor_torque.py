@@ -6,7 +6,7 @@ from pydrake.systems.framework import LeafSystem
 from variants import kind, overruled, weaker
 
 from sdt_drake.motion import Motion
-from sdt_drake.robot.device import Drive, Elasticity
+from sdt_drake.robot.device import Drive
 from sdt_drake.run.controllers import Controller, Pi, PiId, PPi, register_controller
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.motor_torque import torque_limits
@@ -128,33 +128,6 @@ def test_torque_of_a_controller_that_tells_nothing(design_of, case):
     agree(run, within(told), own.robot.motor_torque_limit)
 
 
-class Damper(LeafSystem, Controller):
-    """tau_cmd = K_PS (r v_ref - r v), continuous; it has no integral."""
-
-    def __init__(self, design):
-        super().__init__()
-        n, self._motion = design.robot.n, design.motion
-        self._gain = design.gains.kp * design.robot.gear_ratio
-        ports = (
-            self.DeclareVectorInputPort("reference", 3 * n),
-            self.DeclareVectorInputPort("state", 2 * n),
-        )
-
-        def command(context, output):
-            reference, state = (port.Eval(context) for port in ports)
-            output.SetFromVector(self._gain * (reference[n : 2 * n] - state[n:]))
-
-        self.DeclareVectorOutputPort("tau_cmd", n, command, {port.ticket() for port in ports})
-
-
-@pytest.mark.parametrize("drive", [Drive(), Drive(period=0.001)], ids=["continuous", "sampled"])
-def test_torque_of_a_controller_of_ones_own(design_of, drive):
-    """That says nothing of its law."""
-    register_controller("damper", Damper)
-    own = design_of("damper", "coupled", drive)
-    agree(simulate(own), walked(own), own.robot.motor_torque_limit)
-
-
 class Given(LeafSystem, Controller):
     """tau_cmd = a + b t + c t², in limits of the motors, whatever the robot does."""
 
@@ -185,14 +158,6 @@ def test_mean_rms_and_saturation_of_torques_known_by_hand(design_of, monkeypatch
     mean, rms = run.tau_mean[known] / limit[:3], run.tau_rms[known] / limit[:3]
     np.testing.assert_allclose(mean, sign * np.array([1, 1, 0.8 / 6]), rtol=1e-9)
     np.testing.assert_allclose(rms, [1, 1, 0.8 / 30**0.5], rtol=1e-9)
-
-
-def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design_of):
-    springs = {"plant.elasticity": Elasticity([60.0, 80.0, 100.0, 100.0], damping_ratio=0.05)}
-    own = design_of("pi_id", "coupled", Drive(), **springs)
-    limit, smooth = own.robot.motor_torque_limit, slice(0, 7)  # before the jolt
-    peak = simulate(own).tau_peak[1:]
-    np.testing.assert_allclose(peak[smooth] / limit, walked(own)[0][smooth] / limit, atol=5e-3)
 
 
 def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design_of):

