@@ -1,4 +1,4 @@
-"""A functional mock-up unit (FMI 2, co-simulation) of a scenario's loop, for other simulators."""
+"""Export a scenario's loop as a functional mock-up unit (FMI 2, co-simulation)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sdt_drake.run.loop import EXTERNAL, Loop
 from sdt_drake.run.scenario import Scenario
 
 FMU_INPUTS = ("torque", "reference")
-"""What comes from outside: the torque that is asked of the drives, or the reference."""
+"""Inputs that an FMU can have: the torque command of the drives, or the reference."""
 
 SCENARIO, ABOUT = "scenario.yaml", "about.json"
 
@@ -26,8 +26,8 @@ _SLAVE = """\
 # Needs a Python with the version of sdt_drake that wrote this.
 from sdt_drake.machine.fmu_slave import LoopSlave
 
-# The loader of PythonFMU gives up a reference to these names, which it does not hold, with each
-# instance: the second would find them gone.
+# PythonFMU's loader releases a reference to these globals with each instance, without owning one.
+# The second instance would find them deleted; these extra references prevent it.
 _kept = [globals()] * 10_000
 
 
@@ -37,24 +37,24 @@ class Loop(LoopSlave):
 
 
 def write_fmu(design: Design, path: Path, inputs: str = "torque") -> None:
-    """Write a loop as an FMU, which runs where Python has sdt_drake: it is coupled to that tool.
+    """Write a loop as an FMU. It runs only where Python has the same version of sdt_drake.
 
     Args:
-        design: of the loop, on the coupled plant; with the files that its scenario names.
-        path: of the .fmu file.
+        design: design of the loop, on the coupled plant. The files of its scenario are copied.
+        path: path of the .fmu file.
         inputs: one of FMU_INPUTS.
 
     Raises:
-        InputError: if the loop cannot be closed from outside, has a controller of a file, or the
-            file cannot be written.
+        InputError: if the loop cannot have these inputs, its controller comes from a Python file,
+            or the FMU cannot be written.
     """
     checked_choice(inputs, FMU_INPUTS, "inputs")
     if design.scenario.controller.file:
         raise InputError(
-            f"{design.scenario.controller.file}, code that no FMU runs; expected none",
+            f"{design.scenario.controller.file}, but an FMU runs no such code; expected none",
             place="controller.file",
         )
-    open_loop(design, inputs)  # refuses what cannot be
+    open_loop(design, inputs)  # raises if the loop cannot have these inputs
     with needing("an FMU needs pythonfmu", "sdt_drake[fmi]"):
         from pythonfmu import FmuBuilder
     with tempfile.TemporaryDirectory() as temporary, replacing(path) as partial:
@@ -68,14 +68,14 @@ def write_fmu(design: Design, path: Path, inputs: str = "torque") -> None:
 
 
 def open_loop(design: Design, inputs: str) -> Loop:
-    """Make the loop of a design with one of FMU_INPUTS from outside."""
+    """Return the loop of a design whose torque or reference, one of FMU_INPUTS, is an input."""
     if inputs == "torque":
         return Loop(design, controller=EXTERNAL)
     return Loop(design, reference=EXTERNAL)
 
 
 def _with_files(scenario: Scenario, folder: Path) -> Iterator[Path]:
-    """Write a scenario, and copies of the files that it names beside it."""
+    """Write a scenario and copies of the files that it names; yield the paths."""
     scenario = copy.deepcopy(scenario)
     for k, (owner, field) in enumerate(file_fields(scenario)):
         text = getattr(owner, field)
@@ -89,7 +89,7 @@ def _with_files(scenario: Scenario, folder: Path) -> Iterator[Path]:
 
 
 def file_fields(scenario: Scenario) -> list[tuple[object, str]]:
-    """The fields of a scenario that name a file of data, each with the object that has it."""
+    """Return the fields of a scenario that name a data file, as pairs of owner and field name."""
     return [
         (scenario, "robot"),
         (scenario, "motion"),

@@ -1,4 +1,4 @@
-"""A loop as an FMU runs it: the script of each FMU derives its class from `LoopSlave`."""
+"""The code that an FMU runs. The script in each FMU derives its class from `LoopSlave`."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from sdt_drake.run.simulate import make_simulator
 _INPUTS = {"torque": ("tau_cmd",), "reference": ("q_ref", "v_ref", "vd_ref")}
 
 _MEANINGS = {
-    "payload_mass": "beside that of the robot file [kg]",
+    "payload_mass": "payload in addition to the robot file [kg]",
     "viscous_friction": "joint side [N m s/rad]",
     "coulomb_friction": "joint side [N m]",
-    "q_start": "angle at the start, at rest; joint side [rad]",
-    "tau_cmd": "torque asked of the drive, motor side [N m]",
+    "q_start": "initial angle, at rest; joint side [rad]",
+    "tau_cmd": "torque command of the drive, motor side [N m]",
     "q_ref": "reference angle, joint side [rad]",
     "v_ref": "reference speed, joint side [rad/s]",
     "vd_ref": "reference acceleration, joint side [rad/s²]",
     "q": "measured angle, joint side [rad]",
     "v": "measured speed, joint side [rad/s]",
-    "tau": "torque that the drive gives, motor side [N m]",
+    "tau": "motor torque, motor side [N m]",
     "specific_force": "a - g at the head, x forward, y left, z up [m/s²]",
-    "angular_rate": "of the head, about the same axes [rad/s]",
+    "angular_rate": "angular rate of the head, about the same axes [rad/s]",
 }
 
 
-class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
-    """A loop on the coupled plant whose reference or torque comes from outside.
+class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
+    """A loop on the coupled plant whose reference or torque command is an input.
 
-    It steps in whole periods of the scenario, from time 0 on, and starts at rest. Vectors are
-    variables for each joint, `q[1]`; joint side but for torques, which are of the motors.
+    A step is a whole number of the scenario's interpolation periods. The loop starts at time 0, at
+    rest. Vectors have a variable for each joint, `q[1]`: joint side, but motor side for torques.
     """
 
     def __init__(self, **instance: Any) -> None:
@@ -53,7 +53,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
         here, made = versions()["package"], about["version"]
         if here != made:
-            raise InputError(f"sdt_drake {here}, expected {made}, which wrote the FMU")
+            raise InputError(f"sdt_drake {here}, expected {made}, the version that wrote the FMU")
         self._given = about["inputs"]
         self._problem = ""
         self._scenario = load_scenario(folder / SCENARIO)
@@ -99,13 +99,13 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
     def _period(self) -> float:
         return self._design.reference.period
 
-    # --- what the other simulator calls ----------------------------------------------------------
+    # --- called by the other simulator -----------------------------------------------------------
 
     def setup_experiment(
         self, start: float, stop: float | None = None, tolerance: float | None = None
     ) -> None:
         if start != 0:
-            self._refuse(f"start time {start:g} s, expected 0: a run starts with its motion")
+            self._refuse(f"start time {start:g} s, expected 0")
 
     def exit_initialization_mode(self) -> None:
         try:
@@ -115,11 +115,12 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
             self._refuse(f"{error}")
 
     def _refuse(self, problem: str) -> None:
-        """Log why no step will be done: an error here would end the process of some tools."""
+        """Log a problem and let every step fail; an exception here would end some simulators."""
         self._problem = problem
         self.log(problem, Fmi2Status.error)
 
     def _begin(self) -> None:
+        """Build the loop with the parameters and start it at rest."""
         plant = self._scenario.plant
         plant.deviation.payload_mass = float(self._parameters["payload_mass"][0])
         for name in ("viscous", "coulomb"):
@@ -149,7 +150,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
             return False
         self._feed()
         self._done += periods
-        self._simulator.AdvanceTo(self._done * self._period)  # as its samples have it, to the bit
+        self._simulator.AdvanceTo(self._done * self._period)  # exactly the time of the sample
         self._read()
         return True
 

@@ -1,4 +1,4 @@
-"""A recorded reference through the simulated loop: how recording and simulation differ, and why."""
+"""Simulate the loop along a recorded reference, and compare simulation and recording."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ QUANTITIES = {
     "position_error": Metric("position error", "deg", float(np.degrees(1))),
     "torque": Metric("motor torque", "N m"),
 }
-"""What is compared: v - v_ref and q - q_ref, joint side, each from its first value on, and the
-torque that the motors give, motor side."""
+"""Compared quantities: v - v_ref and q - q_ref, joint side, the latter less its first value, and
+the motor torque, motor side."""
 
 AS_IT_IS = "as the scenario has it"
 UNFED = "without the recorded feedforward"
@@ -47,33 +47,34 @@ FED = "with the load that the model lacks"
 FEEDFORWARD = "recorded feedforward alone"
 ALONE = "controller alone, on the recorded motion"
 
-ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
-ROUND_OFF = 1e-9  # of what was recorded; of a joint that was recorded as good as still
-_CLEARLY = 0.02  # of the mean square of a recording, that something else explains more
-_INSIDE = 0.95  # of what a motor has: less, and it gives what is asked
-_WINDOW = 0.1  # s; what is twice as fast is noise of encoders, which no model has
+EXPLAINED_SHARE = 0.99
+"""Share of a recording's mean square from which the simulation counts as complete."""
+
+ROUND_OFF = 1e-9
+"""RMS below which a joint's recording counts as zero, as a share of the largest joint's RMS."""
+
+_CLEAR_SHARE = 0.02  # share of a recording's mean square by which another case must explain more
+_UNSATURATED_SHARE = 0.95  # share of the available torque below which a motor is not at its limit
+_WINDOW = 0.1  # s; faster changes of a torque are noise of encoders
 
 Signals = Mapping[str, Array]
-"""Some of QUANTITIES at the samples of the motion, each of shape (N + 1, n)."""
+"""Some of QUANTITIES at the samples of the motion, shape (N + 1, n) each."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replay(Shown):
-    """A recording beside simulations of it.
-
-    Attributes:
-        design: of the scenario, with the recorded reference.
-        recorded: what was recorded.
-        measured: of the recording.
-        start: q - q_ref of the first sample, joint side [rad], shape (n,): left out.
-        courses: of the simulations, by what was changed; WHOLE is the first.
-    """
+    """A recording together with simulations of it."""
 
     design: Design
+    """Design of the scenario, with the recorded reference."""
     recorded: Recorded
+    """The recording."""
     measured: Signals
+    """Signals of the recording."""
     start: Array
+    """q - q_ref of the first sample, joint side [rad], shape (n,); subtracted from all samples."""
     courses: Mapping[str, Signals]
+    """Signals of the simulations by the change to the scenario; AS_IT_IS is the first."""
 
     def summary(self) -> Summary:
         shares = {name: self.explained(name) for name in self.measured}
@@ -85,61 +86,70 @@ class Replay(Shown):
         return of_joints(title, columns, self.design.robot.joint_names)
 
     def plot(self) -> Figure:
-        """A figure of recorded and simulated errors and torques."""
+        """Return a figure of recorded and simulated errors and torques."""
         return face().plots.replay(self)
 
     def recorded_rms(self, quantity: str) -> Array:
-        """Root of the mean square of what was recorded, shape (n,)."""
+        """Return the RMS of a recorded quantity, shape (n,)."""
         return _rms(self.measured[quantity])
 
     def difference(self, quantity: str, case: str = AS_IT_IS) -> Array:
-        """Root of the mean square of simulation less recording, shape (n,)."""
+        """Return the RMS of simulation minus recording, shape (n,)."""
         return _rms(self.courses[case][quantity] - self.measured[quantity])
 
     def explained(self, quantity: str, case: str = AS_IT_IS) -> Array:
-        """Share of the mean square of what was recorded that the simulation explains, shape (n,).
+        """Return the share of a recording's mean square that the simulation explains, shape (n,).
 
-        1 - (RMS of the difference / RMS of the recording)²; below 0 where no simulation at all
-        would be nearer, NaN where nothing was recorded but zeros, or round-off.
+        1 - (RMS of the difference / RMS of the recording)². Below 0, zeros would be nearer to the
+        recording than the simulation is. NaN for a recording of zeros or round-off.
         """
         return 1 - self.apart(quantity, case) ** 2
 
     def better(self, quantity: str) -> dict[str, Mask]:
-        """Joints of which something else explains clearly more than the scenario as it is, by what
-        that is, shape (n,): of each joint the best of what is simulated, or recorded."""
+        """Return the cases that explain a joint best and clearly more than the scenario as it is.
+
+        Returns:
+            Mask of the joints, shape (n,), by name of the case.
+        """
         as_it_is = self.explained(quantity)
         cases = [x for x in self.courses if x not in (AS_IT_IS, FED, ALONE)]
         shares = {x: self.explained(quantity, x) for x in cases if quantity in self.courses[x]}
         if not shares:
             return {}
         most = np.max(list(shares.values()), axis=0)
-        is_clear = (most > 0) & (most > np.maximum(as_it_is, 0) + _CLEARLY)
+        is_clear = (most > 0) & (most > np.maximum(as_it_is, 0) + _CLEAR_SHARE)
         return {
             x: found for x, share in shares.items() if (found := is_clear & (share == most)).any()
         }
 
     def apart(self, quantity: str, case: str = AS_IT_IS) -> Array:
-        """RMS of the difference over that of the recording [-], shape (n,); NaN as `explained`."""
+        """Return the RMS of the difference over that of the recording [-], shape (n,).
+
+        NaN for a recording of zeros or round-off.
+        """
         recorded, off = self.recorded_rms(quantity), self.difference(quantity, case)
         is_nothing = recorded <= ROUND_OFF * np.maximum(recorded.max(), off)
         return off / np.where(is_nothing, np.nan, recorded)
 
     @property
     def due_to_model(self) -> Array | None:
-        """Share of the difference that the model of the plant makes: what of its mean square in
-        position (or speed) is gone once the plant gets the load that the model lacks. The rest is
-        due to controller and drives and, where links were recorded, to springs. Shape (n,), from 0
-        to 1; NaN where the simulation explains 99 % of the recording anyway, or nothing was
-        recorded but zeros; None without positions, speeds or torques.
+        """Share of the difference that comes from the model of the plant, from 0 to 1, shape (n,).
+
+        It is the part of the difference's mean square, in position or else speed, that vanishes
+        when the plant is loaded with the torque that the model lacks. The rest comes from
+        controller and drives and, if links were recorded, from springs. NaN if the simulation
+        explains 99 % of the recording, or all values are zero. None without positions, speeds or
+        torques.
         """
         name = next((x for x in ("position_error", "speed_error") if x in self.measured), None)
         if name is None or FED not in self.courses:
             return None
         stays = (self.difference(name, FED) / np.maximum(self.difference(name), 1e-12)) ** 2
-        return np.where(self.explained(name) <= ENOUGH, np.clip(1 - stays, 0, 1), np.nan)
+        is_open = self.explained(name) <= EXPLAINED_SHARE
+        return np.where(is_open, np.clip(1 - stays, 0, 1), np.nan)
 
     def to_csv(self, path: str | Path) -> None:
-        """Write time and, for each joint, every quantity as recorded and as simulated (SI)."""
+        """Write a CSV of time and, for each joint, every quantity recorded and simulated [SI]."""
         columns = {f"{name}_recorded": values for name, values in self.measured.items()}
         columns |= {f"{name}_simulated": self.courses[AS_IT_IS][name] for name in self.measured}
         write_table(path, self.design.motion.time, columns)
@@ -149,19 +159,18 @@ class Replay(Shown):
 
 
 def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
-    """Run a scenario along the reference of a recording: as it is, and with one thing changed.
+    """Simulate a scenario along a recorded reference: as it is, and with one change at a time.
 
-    A torque feedforward in the recording takes the place of the controller's own, if it is one of
-    PI loops, which have a place for it.
+    A recorded torque feedforward replaces the controller's own if the controller has PI loops.
 
     Args:
-        scenario: its own motion, and what flights of it have taught, have no say.
-        recorded: of the same robot.
-        robot: of the scenario, from `load_device`.
+        scenario: the scenario; its motion and its learned reference are not used.
+        recorded: a recording of the same robot.
+        robot: robot of the scenario, from `load_device`.
 
     Raises:
-        InputError: for a recording without a reference, or with nothing to compare; for all that
-            `resampled`, `make_design` and `simulate` refuse.
+        InputError: for a recording without a reference, or without q, v and tau; and as in
+            `resampled`, `make_design` and `simulate`.
     """
     signals = recorded.signals
     if not {"q_ref", "v_ref"} & set(signals):
@@ -169,12 +178,12 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
             f"{recorded.path}: neither q_ref nor v_ref, expected a reference to replay"
         )
     if not {"q", "v", "tau"} & set(signals):
-        raise InputError(f"{recorded.path}: none of q, v and tau, expected what was measured")
+        raise InputError(f"{recorded.path}: none of q, v and tau, expected a measured signal")
     period, q_ref, v_ref = scenario.period, signals.get("q_ref"), signals.get("v_ref")
     motion, _ = resampled(recorded.path, recorded.time, q_ref, v_ref, period)
-    if q_ref is None and "q" in signals:  # the pose says how gravity and inertias are
+    if q_ref is None and "q" in signals:  # gravity and inertias depend on the initial pose
         motion = replace(motion, q=motion.q + signals["q"][0])
-    scenario = replace(scenario, learned="")  # what was recorded is all that was asked for
+    scenario = replace(scenario, learned="")  # the recorded reference contains what was learned
     plain = make_design(scenario, robot=robot, motion=motion)
     at = _samples(recorded, plain)
     cases = _cases(plain, at.get("tau_ff") if plain.scenario.controller.takes_feedforward else None)
@@ -189,13 +198,13 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
             courses[FEEDFORWARD] = {"torque": at["tau_ff"]}
         courses[FED] = _course(design, of_links, _smoothed(lacking, period))
         if "q" in at:
-            # An encoder's zero that is elsewhere is no error: a cascade would integrate it.
+            # A cascade would integrate the offset of an encoder's zero, so it is subtracted.
             courses[ALONE] = _alone(design, {**at, "q": at["q"] - start})
     return Replay(design, recorded, measured, start, courses)
 
 
 def _samples(recorded: Recorded, design: Design) -> dict[str, Array]:
-    """What was recorded, at the samples of the motion; torques on the motors' side."""
+    """Return the recorded signals at the samples of the motion; torques motor side."""
     motion, ratio = design.motion, design.robot.gear_ratio
     clock = motion.time + recorded.time[0]
     at = {name: interpolated(clock, recorded.time, x) for name, x in recorded.signals.items()}
@@ -205,7 +214,7 @@ def _samples(recorded: Recorded, design: Design) -> dict[str, Array]:
 
 
 def _cases(plain: Design, tau_ff: Array | None) -> dict[str, Design]:
-    """What is simulated, by what is changed: only what the scenario has."""
+    """Return the designs to simulate, by the change; only for parts that the scenario has."""
 
     def fed(design: Design) -> Design:
         return design if tau_ff is None else design.with_feedforward(tau_ff)
@@ -226,11 +235,11 @@ _SWITCHES: dict[str, dict[str, object]] = {
     "with ideal drives": {"drive": Drive()},
     "with the nominal links": {"plant.deviation": Deviation()},
 }
-"""What else the scenario has in some fields, by what that is called."""
+"""Scenario fields that each comparison run resets, by its label."""
 
 
 def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Signals, Array]:
-    """Of the recording; and q - q_ref of the first sample, joint side [rad], shape (n,)."""
+    """Return the compared signals of the recording, and `Replay.start`."""
     start, measured = np.zeros(motion.n), {}
     if "v" in at:
         measured["speed_error"] = at["v"] - motion.v
@@ -243,7 +252,7 @@ def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Signals, Array]:
 
 
 def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signals:
-    """Of a simulation; extra: what loads the motors beside all else, motor side [N m]."""
+    """Simulate a design, with an extra load torque if given (motor side [N m])."""
     diagram: Diagram = make_loop(design)
     if extra is not None:
         builder = DiagramBuilder()
@@ -259,25 +268,24 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signa
 
 
 def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
-    """Torque that the controller asks for if the joints do what was recorded, as far as the motors
-    have it.
+    """Return the torque that the controller commands on the recorded motion, within motor limits.
 
-    What its integrals started with is not known: it is the constant that fits the recording best,
-    where that does not tell of a motor at its limit.
+    The initial states of its integrators are unknown. They add a constant torque, which is fitted
+    to the recording where no motor is at its limit.
     """
     widened = design.scenario.plant.kind == "axis"
     run = simulate(design, Loop(design, widened=widened, moved=(at["q"], at["v"])))
     lowest, highest = envelope(design, at["v"])
-    # Widened or not.
+    # Limits of the motors, with or without the simulation's wider ones.
     least, most = np.minimum(lowest, run.tau_limited), np.maximum(highest, run.tau_limited)
-    inside = (at["tau"] > _INSIDE * least) & (at["tau"] < _INSIDE * most)
+    inside = (at["tau"] > _UNSATURATED_SHARE * least) & (at["tau"] < _UNSATURATED_SHARE * most)
     lacking = np.where(inside, at["tau"] - run.tau_cmd, 0.0)
     asked = run.tau_cmd + lacking.sum(axis=0) / np.maximum(1, inside.sum(axis=0))
     return {"torque": np.clip(asked, least, most)}
 
 
 def _smoothed(values: Array, period: float) -> Array:
-    """Without what is faster than the loops, in phase: the mean over a Hann window of _WINDOW."""
+    """Return zero-phase filtered values: the mean over a Hann window of 0.1 s."""
     half = max(1, round(_WINDOW / 2 / period))
     window = np.hanning(2 * half + 1)[1:-1] if half > 1 else np.ones(1)
     padded = np.pad(values, [(half - 1, half - 1), (0, 0)], mode="edge")

@@ -1,1 +1,1 @@
-"""Studies: many variants of a scenario, run by many processes, and what they say."""
+"""Studies: many variants of a scenario, run by many processes, and their statistics."""

@@ -1,4 +1,4 @@
-"""Running rows on the workers of a Dask cluster, which need only the package."""
+"""Run rows of a study on the workers of a Dask cluster. Workers need only the package."""
 
 from __future__ import annotations
 
@@ -22,37 +22,37 @@ with needing("--cluster needs Dask", "sdt_drake[cluster]"):
 if TYPE_CHECKING:
     from sdt_drake.studies.job import Job
 
-_CONNECT = 10.0  # s
-_ALONE = 60.0  # s; without any worker, until we give up
-_LOOK = 1.0  # s; between two looks whether there are workers
-_AHEAD = 4  # rows that are sent for each thread of the cluster: it never waits for us
+_CONNECT_TIMEOUT = 10.0  # s
+_NO_WORKERS_TIMEOUT = 60.0  # s; the study is given up after this time without workers
+_WATCH_PERIOD = 1.0  # s; between two checks for workers
+_ROWS_PER_THREAD = 4  # rows sent ahead for each thread of the cluster, which so is never idle
 
 
 class Cluster:
-    """Threads of a Dask cluster, each with a process of its own as on one machine.
+    """A Dask cluster that runs rows: each thread of a worker has a process of its own.
 
-    Dask ends a task only with its worker, whose other threads lose theirs, and tries a task four
-    times before it gives it up. What a worker had when it died, Dask gives to another.
+    The process is there because Dask can end a task only by ending its worker, with all threads.
+    When a worker dies, Dask gives its tasks to another, at most four times each.
     """
 
     def __init__(self, job: Job, address: str, put: Callable[[Exception], None]) -> None:
         """Connect to a cluster.
 
         Args:
-            job: to run rows of.
-            address: of the scheduler.
-            put: takes the error if the cluster has had no workers for long.
+            job: the study whose rows are run.
+            address: address of the Dask scheduler.
+            put: receives an error when the cluster is lost or has no workers for a minute.
 
         Raises:
-            InputError: if the cluster cannot be reached, or it has no workers, or such with other
+            InputError: if the cluster cannot be reached, has no workers, or a worker has other
                 versions.
         """
         for name in [*logging.root.manager.loggerDict]:
-            if name.split(".")[0] in ("distributed", "tornado"):  # our own errors say it
+            if name.split(".")[0] in ("distributed", "tornado"):  # InputErrors replace their logs
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
-            get_address_host_port(address, strict=True)  # Client itself leaves threads behind
-            self._client = Client(address, timeout=_CONNECT, set_as_default=False)
+            get_address_host_port(address, strict=True)  # a Client that fails leaves threads
+            self._client = Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
             raise InputError(
                 f"--cluster {address}: cannot be reached ({_line(error)}), expected the address of "
@@ -62,53 +62,55 @@ class Cluster:
         try:
             threads = sum(self._client.nthreads().values())
             if not threads:
-                raise InputError("--cluster: has no workers, start some: dask worker ADDRESS")
+                raise InputError(f"--cluster: has no workers; start one: dask worker {address}")
             for worker, other in self._client.run(_other_versions, job).items():
                 if other:
                     raise InputError(f"--cluster: worker {worker} {other}")
-            # A task, not data: if the workers that have it die, Dask makes it anew.
+            # The job is a task's result, not data: if its workers die, Dask computes it again.
             self._job = self._client.submit(_itself, job, pure=False)
         except Exception as error:
             self.close()
-            raise _told(error) from None
-        self.ahead = _AHEAD * threads
+            raise _input_error(error) from None
+        self.ahead = _ROWS_PER_THREAD * threads
         threading.Thread(target=self._watch, args=(put,), daemon=True).start()
 
     def submit(self, number: int, inputs: Mapping[str, Value]) -> Future[Row]:
-        """Run a row on one of the workers; it is an InputError if the cluster is lost."""
+        """Run a row on a worker and return its future: the row, or InputError without a cluster."""
         row: Future[Row] = Future()
         running = self._client.submit(run_row, self._job, number, inputs, pure=False)
         running.add_done_callback(partial(_hand_over, row))
         return row
 
     def _watch(self, put: Callable[[Exception], None]) -> None:
-        while not self._closed.wait(_LOOK):
+        """Pass an error to `put` when the cluster has no workers, or is lost."""
+        while not self._closed.wait(_WATCH_PERIOD):
             try:
-                self._client.wait_for_workers(1, _ALONE)
+                self._client.wait_for_workers(1, _NO_WORKERS_TIMEOUT)
             except TimeoutError:
-                put(InputError(f"--cluster: has had no workers for {_ALONE:g} s; --resume goes on"))
+                since = f"no workers for {_NO_WORKERS_TIMEOUT:g} s"
+                put(InputError(f"--cluster: {since}; start some, then continue with --resume"))
             except Exception as error:
-                put(_told(error))
+                put(_input_error(error))
 
     def close(self) -> None:
-        """Leave the cluster; rows that run there are not wanted any more."""
+        """Disconnect from the cluster, which then drops the rows that it runs."""
         self._closed.set()
         self._client.close()
 
 
 def _hand_over(row: Future[Row], running: Any) -> None:
-    """Give a row the result of its future of Dask."""
+    """Copy the result of a Dask future to the row's own future."""
     try:
         row.set_result(running.result())
     except Exception as error:
-        row.set_exception(_told(error))
+        row.set_exception(_input_error(error))
 
 
-def _told(error: Exception) -> InputError:
-    """Errors of the cluster are bad input; what is done by then is kept."""
+def _input_error(error: Exception) -> InputError:
+    """Return an error of the cluster as InputError."""
     if isinstance(error, InputError):
         return error
-    return InputError(f"--cluster: lost ({_line(error)}); --resume goes on")
+    return InputError(f"--cluster: connection lost ({_line(error)}); continue with --resume")
 
 
 def _line(error: Exception) -> str:
@@ -121,7 +123,7 @@ _here = threading.local()
 
 
 def run_row(job: Job, number: int, inputs: Mapping[str, Value]) -> Row:
-    """Run a row in the process of this thread, which stays for the next one.
+    """Run a row in this thread's process, which is kept for the next row.
 
     Raises:
         InputError: if this worker has other versions, or the process does not start.
@@ -136,9 +138,9 @@ def run_row(job: Job, number: int, inputs: Mapping[str, Value]) -> Row:
 
 
 def _other_versions(job: Job) -> str:
-    """Rows are the same everywhere only with the same versions everywhere."""
+    """Return this worker's versions that differ from the job's; "" if none does."""
     other = other_versions(versions(), job.versions)
-    return f"has {other}; expected the versions here" if other else ""
+    return f"has {other}; install there the versions that are used here" if other else ""
 
 
 def _itself(job: Job) -> Job:

@@ -1,4 +1,4 @@
-"""Devices that the variables of a study draw, for another design than the study's own."""
+"""Uncertain devices drawn from a study, combined with another design's controller and motion."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from sdt_drake.studies.study import Study
 
 
 def devices_of(design: Design, study: Study, base: Scenario, draws: int) -> list[Design]:
-    """Designs of the first rows of a study, with the controller and the motion of a design.
+    """Return a design for each of a study's first rows, with one controller and motion for all.
 
     Args:
-        design: of the loop.
-        study: its variables are the uncertainty, but for controllers.
-        base: of the study; what its variables change and the design does not have is of it.
-        draws: how many rows, at most.
+        design: design whose controller and motion are used.
+        study: study whose variables are the uncertainty; those of the controller are left out.
+        base: base scenario of the study. Its deviation and friction are used where the design's
+            plant has none, since variables may scale them.
+        draws: maximum number of rows.
 
     Raises:
-        InputError: for variables that do not fit the scenario.
+        InputError: if the study varies only the controller, or a variable does not fit.
     """
     fixed = [v for v in study.variables if not _is_of_controller(v.targets)]
     if not fixed:
-        raise InputError(f"{study.name}: varies nothing but the controller, expected a device")
+        raise InputError(
+            f"{study.name}: variables: vary only the controller, expected a field of the plant"
+        )
     scenario = copy.deepcopy(design.scenario)
     scenario.learned = ""
     if scenario.plant.deviation.exact:

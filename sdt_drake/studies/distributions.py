@@ -1,8 +1,8 @@
-"""Distributions of what varies in a study.
+"""Distributions of the variables of a study.
 
-Random ones have `quantile`, which takes shares in (0, 1) to values; the others have `levels`, which
-are all run, each with the same draws of the random ones, and `size`, how many they are: a study
-that is too large is refused before they are made.
+Random distributions have `quantile`, which maps shares in (0, 1) to values. The others have
+`levels`, all of which are run with every draw, and `size`, the number of levels. Too large a study
+is refused by these sizes before any levels are made.
 """
 
 import math
@@ -16,18 +16,18 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import Number, Positive, Problems, Some, Variant, setting
 from sdt_drake.studies.fields import Value
 
-MOST_RUNS = 10_000_000
-_ITS_OWN = "of the field"  # a unit
+MAX_RUNS = 10_000_000
+_FIELD_UNIT = "of the field"
 
 
 @dataclass
 class Uniform(Variant):
-    """Evenly between low and high."""
+    """A uniform distribution between low and high."""
 
-    low: Number = setting(unit=_ITS_OWN)
-    """The least value."""
-    high: Number = setting(unit=_ITS_OWN)
-    """The largest value."""
+    low: Number = setting(unit=_FIELD_UNIT)
+    """Smallest value."""
+    high: Number = setting(unit=_FIELD_UNIT)
+    """Largest value."""
 
     def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
@@ -40,12 +40,12 @@ class Uniform(Variant):
 
 @dataclass
 class LogUniform(Variant):
-    """Evenly in the logarithm, between low and high."""
+    """A distribution whose logarithm is uniform between those of low and high."""
 
-    low: Positive = setting(unit=_ITS_OWN)
-    """The least value."""
-    high: Positive = setting(unit=_ITS_OWN)
-    """The largest value."""
+    low: Positive = setting(unit=_FIELD_UNIT)
+    """Smallest value."""
+    high: Positive = setting(unit=_FIELD_UNIT)
+    """Largest value."""
 
     def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
@@ -58,23 +58,27 @@ class LogUniform(Variant):
 
 @dataclass
 class Normal(Variant):
-    """Gaussian; with low or high, what is beyond is cut off and the rest scaled up."""
+    """A normal distribution, truncated at low and high if they are given."""
 
-    mean: Number = setting(unit=_ITS_OWN)
-    """Before anything is cut off."""
-    std: Positive = setting(unit=_ITS_OWN)
-    """Standard deviation, before anything is cut off."""
-    low: Number | None = setting(None, unit=_ITS_OWN)
-    """The least value; none by default."""
-    high: Number | None = setting(None, unit=_ITS_OWN)
-    """The largest value; none by default."""
+    mean: Number = setting(unit=_FIELD_UNIT)
+    """Mean before truncation."""
+    std: Positive = setting(unit=_FIELD_UNIT)
+    """Standard deviation before truncation."""
+    low: Number | None = setting(None, unit=_FIELD_UNIT)
+    """Smallest value; unlimited by default."""
+    high: Number | None = setting(None, unit=_FIELD_UNIT)
+    """Largest value; unlimited by default."""
 
     def problems(self) -> Problems:
         low, high = self._range
         yield from _width_problems(low, high)
         normal = NormalDist(self.mean, self.std)
         if not normal.cdf(high) - normal.cdf(low) > 1e-6:
-            yield "", "nothing of it is between low and high"
+            yield (
+                "",
+                f"low {low:g}, high {high:g}: less than 1e-6 of the distribution lies between, "
+                "expected limits nearer to the mean",
+            )
 
     @property
     def _range(self) -> tuple[float, float]:
@@ -90,18 +94,18 @@ class Normal(Variant):
 
 @dataclass
 class Grid(Variant):
-    """Values that are equal steps apart, all of which are run."""
+    """Equally spaced values, all of which are run."""
 
-    start: Number = setting(unit=_ITS_OWN)
-    """The first."""
-    stop: Number = setting(unit=_ITS_OWN)
-    """The last, which is one of them."""
-    count: int = setting(2, ge=2, le=MOST_RUNS, unit="-")
-    """How many."""
+    start: Number = setting(unit=_FIELD_UNIT)
+    """First value."""
+    stop: Number = setting(unit=_FIELD_UNIT)
+    """Last value."""
+    count: int = setting(2, ge=2, le=MAX_RUNS, unit="-")
+    """Number of values, including the first and the last."""
 
     def problems(self) -> Problems:
         if self.start == self.stop:
-            yield "", f"start and stop are both {self.start:g}"
+            yield "", f"start and stop are both {self.start:g}, expected different numbers"
 
     @property
     def size(self) -> int:
@@ -116,7 +120,7 @@ class _Listed(Variant):
 
     def problems(self) -> Problems:
         if len(set(self.values)) < len(self.values):
-            yield "values", f"{self.values} has a value twice"
+            yield "values", f"{self.values} has a value twice, expected each once"
         for value in self.values:
             yield from text_problems("values", value)
 
@@ -130,18 +134,19 @@ class _Listed(Variant):
 
 @dataclass
 class List(_Listed):
-    """These numbers, all of which are run."""
+    """A list of numbers, all of which are run."""
 
-    values: Some[Number] = setting(unit=_ITS_OWN)
-    """Each once."""
+    values: Some[Number] = setting(unit=_FIELD_UNIT)
+    """Numbers, each listed once."""
 
 
 @dataclass
 class Choice(_Listed):
-    """These texts, all of which are run."""
+    """A list of texts, all of which are run."""
 
     values: Some[str]
-    """Kinds, labels of controllers, names of motions or motors, true or false; each once."""
+    """Texts, each listed once: kinds, controller labels, names of motions or motors, true or
+    false."""
 
 
 Random = Uniform | LogUniform | Normal
@@ -153,6 +158,6 @@ def _width_problems(low: float, high: float) -> Problems:
 
 
 def text_problems(field: str, text: Value) -> Problems:
-    """Names and levels go into file names, tables and pages."""
+    """Yield a problem of a text that cannot be used in file names, tables and pages."""
     if isinstance(text, str) and (not text.isprintable() or text != text.strip()):
-        yield field, f"{text!r}, expected characters that are seen, no space at an end"
+        yield field, f"{text!r}, expected printable characters without a space at either end"

@@ -1,4 +1,4 @@
-"""Running a study into its folder, from the start or from where it was interrupted."""
+"""Run a study into its folder, from the start or from the point of interruption."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sdt_drake.studies.pool import Pool
 
 ReportRuns = Callable[[int, int, int], None]
-"""Called with the numbers of runs that are done now, were done before, and are wanted."""
+"""Callback with three numbers of runs: done now, done before this call, in the whole study."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -34,26 +34,25 @@ def run_study(
     resume: bool = False,
     report: ReportRuns = lambda done, before, count: None,
 ) -> Path:
-    """Run the rows of a study that its folder does not have yet, and write its results.
+    """Run the rows of a study that its folder does not contain yet, and write the results.
 
-    Rows do not depend on where, in which order, or how often interrupted they are run.
+    Rows do not depend on the machine, the order of runs, or interruptions.
 
     Args:
         job: the study.
-        folder: of the study, made if it is not there.
-        workers: processes on this machine.
+        folder: folder of the study; made if it does not exist.
+        workers: number of processes on this machine.
         cluster: address of a Dask scheduler, whose workers run the rows instead.
-        resume: whether the folder holds a part of this study.
-        report: told of progress.
+        resume: whether the folder may already contain a part of this study.
+        report: callback for progress.
 
     Returns:
-        The file of results.
+        Path of the file of results.
 
     Raises:
-        InputError: if the folder has a study and `resume` is not set, or has another study, or
-            none; for more workers than the machine bears; if the cluster cannot be reached, or has
-            no workers any more; if the disk is full.
-        KeyboardInterrupt: between two rows, with all that were done on the disk.
+        InputError: if the folder contains this study (without `resume`), another one or other
+            files; for too many workers; for a lost cluster; for a full disk.
+        KeyboardInterrupt: on Ctrl-C. It comes between two rows; all finished rows are on the disk.
     """
     study, inbox = job.study, SimpleQueue[Any]()
     backend = _backend(job, workers, cluster, inbox.put)
@@ -86,7 +85,7 @@ def run_study(
 def _backend(
     job: Job, workers: int, cluster: str | None, put: Callable[[Exception], None]
 ) -> Pool | Cluster:
-    """Make what takes rows by `submit(number, inputs)`, and gives a future of each."""
+    """Return the backend whose `submit(number, inputs)` returns the future of a row."""
     if cluster is None:
         from sdt_drake.studies.pool import Pool
 
@@ -98,15 +97,15 @@ def _backend(
 
 @contextmanager
 def _signals_into(put: Callable[[KeyboardInterrupt], None]) -> Iterator[None]:
-    """Make Ctrl-C a message: it comes where the study waits for one, and nowhere else.
+    """Turn signals such as Ctrl-C into messages, so that they come only where the study waits.
 
-    Elsewhere it would come between a run and its row on the disk, or into the start or the end of
-    a process, or into a library that does not expect it. Only the main thread gets signals.
+    An exception elsewhere could come between a run and its row on the disk, or in the start or the
+    end of a process. Only the main thread receives signals. The last handler runs at the end.
     """
-    heard: list[int] = []
+    received: list[int] = []
 
-    def hear(number: int, frame: object) -> None:
-        heard.append(number)
+    def receive(number: int, frame: object) -> None:
+        received.append(number)
         put(KeyboardInterrupt())
 
     before: dict[int, Any] = {}
@@ -114,11 +113,11 @@ def _signals_into(put: Callable[[KeyboardInterrupt], None]) -> Iterator[None]:
         handlers = {number: signal.getsignal(number) for number in _SIGNALS}
         before = {number: own for number, own in handlers.items() if callable(own)}
     for number in before:
-        signal.signal(number, hear)
+        signal.signal(number, receive)
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        if heard:
-            before[heard[0]](heard[0], None)
+        if received:
+            before[received[0]](received[0], None)

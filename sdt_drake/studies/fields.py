@@ -1,4 +1,4 @@
-"""Fields of a scenario by their dotted names: "plant.friction.coulomb[2]"."""
+"""Fields of a scenario by dotted name, such as "plant.friction.coulomb[2]"."""
 
 from __future__ import annotations
 
@@ -20,53 +20,52 @@ _TYPES = {"number": float, "boolean": bool, "string": str}
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a scenario, or one entry of a list there.
-
-    Attributes:
-        name: dotted, entries counted from 1: "controller.kp[2]".
-        parts: attributes from the scenario down.
-        entry: of the list, from 0; None for the whole field.
-        type: of what a value must be: float, bool or str; ControllerChoice for the field
-            "controller", whose values are labels of controllers ("p_pi+id").
-        many: whether the field is a list, all of whose entries get the value.
-        file: kind of the file that it names; "" if it names none.
-    """
+    """A field of a scenario, or one entry of a list in it."""
 
     name: str
+    """Dotted name; entries of lists are counted from 1: "controller.kp[2]"."""
     parts: tuple[str, ...]
+    """Names of the attributes from the scenario to the field."""
     entry: int | None
+    """Index of the entry in the list, from 0; None for the whole field."""
     type: type
+    """Type of a value: float, bool or str; ControllerChoice for the field "controller", whose
+    values are controller labels ("p_pi+id")."""
     many: bool
+    """True for a list, in which every entry gets the value."""
     file: str
+    """Kind of the file that the field names; "" if it names none."""
 
     @property
     def touched(self) -> list[Field]:
-        """The fields that get another value: several for the label of a controller."""
+        """The fields that change with this one: kind and feedforward for a controller label."""
         if self.type is ControllerChoice:
             return [find_field(f"{self.name}.{part}") for part in ("kind", "feedforward")]
         return [self]
 
     def get(self, scenario: Scenario) -> Any:
-        """What the scenario has in the field; of a list, all entries."""
+        """Return the scenario's value of the field; the whole list for an entry of one."""
         return getattr(self._owner(scenario), self.parts[-1])
 
     def put(self, scenario: Scenario, value: Value, apply: str = "value") -> None:
-        """Put a value into the field, or multiply what is there by it ("factor"), or add it
-        ("offset").
+        """Set the field to a value, multiply it by the value ("factor"), or add it ("offset").
 
-        A list gets it in every entry.
+        In a list, every entry is changed.
 
         Raises:
-            InputError: if the scenario has no such list or entry, or nothing to change.
+            InputError: if the scenario has no such list or entry, or no number to scale or shift.
         """
         old = self.get(scenario)
         if self.entry is None and not self.many:
             setattr(self._owner(scenario), self.parts[-1], self._changed(old, value, apply))
             return
         if not old:
-            raise InputError("the base scenario has no such list; add it there", place=self.name)
+            raise InputError("empty in the base scenario; add the list there", place=self.name)
         if self.entry is not None and self.entry >= len(old):
-            raise InputError(f"the base scenario has {len(old)} value(s) there", place=self.name)
+            raise InputError(
+                f"the base scenario's list has {len(old)} value(s), expected an entry of it",
+                place=self.name,
+            )
         for i in range(len(old)) if self.many else [self.entry]:
             old[i] = self._changed(old[i], value, apply)
 
@@ -75,7 +74,8 @@ class Field:
             return value
         if old is None:
             raise InputError(
-                f"the base scenario has no value for a {apply}; give it", place=self.name
+                f"no value in the base scenario to apply a {apply} to; add it there",
+                place=self.name,
             )
         return old * value if apply == "factor" else old + value
 
@@ -85,10 +85,10 @@ class Field:
 
 @functools.cache
 def find_field(name: str) -> Field:
-    """The field of a dotted name.
+    """Return the field of a dotted name.
 
     Raises:
-        InputError: for a name that no scenario has, with near ones; for a part instead of a field.
+        InputError: for an unknown name (with similar ones), or the name of a group of fields.
     """
     top = node = schema_of(Scenario)
     attributes: list[str] = []
@@ -102,22 +102,24 @@ def find_field(name: str) -> Field:
         many = "items" in node
         if match[2] is not None:
             if not many:
-                raise InputError(f"{match[1]} is no list", place=name)
+                raise InputError(
+                    f"{match[1]} is not a list, expected it without [{match[2]}]", place=name
+                )
             entry, many = int(match[2]) - 1, False
     if "properties" in node and name != "controller":
         fields = ", ".join(f"{name}.{field}" for field in node["properties"])
-        raise InputError(f"is a part, not a field, expected one of {fields}", place=name)
+        raise InputError(f"a group of fields, expected one of {fields}", place=name)
     kind = ControllerChoice if name == "controller" else _TYPES[node.get("items", node)["type"]]
     return Field(name, tuple(attributes), entry, kind, many, node.get("file", ""))
 
 
 def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> None:
-    """Refuse changes of a base scenario that would be lost.
+    """Raise InputError if the study would override a change of its base scenario.
 
     Args:
-        changes: names of the fields that are to have other values.
-        own: names of those that the study gives values itself, whole or by entry.
-        file: of the study.
+        changes: names of the fields to change.
+        own: names of the fields, or entries, that the study sets itself.
+        file: file of the study.
 
     Raises:
         InputError: naming the field.
@@ -125,13 +127,11 @@ def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> Non
     for name in changes:
         for field in own:
             if is_within(name, field):
-                raise InputError(
-                    f"{file} has values for {field}, expected a change there", place=name
-                )
+                raise InputError(f"{file} sets {field} itself; change it in that file", place=name)
 
 
 def field_names() -> list[str]:
-    """Dotted names of all fields of a scenario, lists without their entries."""
+    """Return the dotted names of all fields of a scenario; lists without their entries."""
     entries = (entry for part in parts(Scenario) for entry in part.entries)
     return [entry.name for entry in entries if entry.takes != "a mapping"]
 
@@ -140,4 +140,6 @@ def _unknown(name: str) -> InputError:
     known = [*field_names(), "controller"]
     bare = name.partition("[")[0]
     elsewhere = [field for field in known if field.rpartition(".")[2] == bare.rpartition(".")[2]]
-    return InputError(f"no field of a scenario, {suggestion(bare, elsewhere or known)}", place=name)
+    return InputError(
+        f"not a field of a scenario, {suggestion(bare, elsewhere or known)}", place=name
+    )

@@ -1,6 +1,7 @@
-"""The folder of a study: what it is a study of, so that it can go on, be shown and be repeated.
+"""The folder of a study, from which the study can be resumed, shown and repeated.
 
-It has copies of all files that the study names, so it may be moved, and they may be changed.
+The folder contains copies of all files that the study names. So the folder may be moved, and the
+original files may be changed.
 """
 
 from __future__ import annotations
@@ -18,27 +19,28 @@ from sdt_drake.io.versions import other_versions, versions
 from sdt_drake.io.yaml_files import parse_yaml, read_yaml, yaml_text
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
-from sdt_drake.studies.store import DATABASE, OF_0_3, RESULTS, Store, create
+from sdt_drake.studies.store import DATABASE, RESULTS, ROWS_OF_0_3, Store, create
 from sdt_drake.studies.study import Study, load_study, read_study
 
 STUDY, BASE, FILES = "study.yaml", "scenario.yaml", "files"
 
-_MOST_NAMES = 5  # of fields that are told
+_MAX_NAMES = 5  # names of fields in a message
 
 
 @contextmanager
 def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
-    """Begin a study in its folder, or go on with it, in this process alone.
+    """Begin or resume a study in its folder, which is locked for other processes meanwhile.
 
     Raises:
-        InputError: if the folder holds another study; this one, and `resume` is not set; none, and
-            it is; anything else, as nothing is overwritten; or if it cannot be written.
+        InputError: if the folder contains another study or other files; this study (without
+            `resume`); no study (with `resume`). Also if another process runs the study, or the
+            folder cannot be written.
     """
     if resume and not holds_study(folder):
-        raise InputError(f"{folder}: holds no study to resume")
+        raise InputError(f"{folder}: no study to resume; run without --resume to begin one")
 
     def refuse() -> None:
-        raise InputError(f"{folder}: another process runs this study")
+        raise InputError(f"{folder}: another process runs this study; wait until it ends")
 
     with alone_in(folder, refuse):
         if not holds_study(folder):
@@ -47,14 +49,14 @@ def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
         with Store(folder) as store:
             _check_same(job, store.about, folder)
             if not resume:
-                raise InputError(f"{folder}: holds this study already; --resume goes on with it")
+                raise InputError(f"{folder}: contains this study; continue it with --resume")
             _save_files(job, folder)
             yield store
 
 
 def _begin(job: Job, folder: Path) -> None:
     if any(not path.name.startswith(".") for path in folder.iterdir()):
-        raise InputError(f"{folder}: holds something else, expected an empty folder or a new one")
+        raise InputError(f"{folder}: contains other files, expected an empty folder or a new one")
     about = {
         "study": job.study.name,
         "inputs": [variable.name for variable in job.study.variables],
@@ -68,32 +70,32 @@ def _begin(job: Job, folder: Path) -> None:
 
 
 def _check_same(job: Job, about: Mapping[str, Any], folder: Path) -> None:
-    """Refuse a study that is not what a folder is about."""
+    """Raise InputError unless a folder's study is the one of the job, with the same versions."""
     problems = []
     if other := other_versions(about["versions"], job.versions):
-        problems.append(f"{folder}: begun with {other}; expected another folder")
+        problems.append(f"{folder}: begun with {other}; use another folder")
     if about["fingerprint"] != job.fingerprint:
         other = _in_words(_differences(_contents(about["contents"]), _contents(_texts(job))))
         what = f"which differs in {other}" if other else "or this one with other shipped files"
-        problems.append(f"{folder}: holds another study, {what}; expected another folder")
+        problems.append(f"{folder}: contains another study, {what}; use another folder")
     if problems:
         raise InputError(*problems)
 
 
 def _save_files(job: Job, folder: Path) -> None:
-    """Write study, base scenario and files into their folder."""
+    """Write the study, the base scenario and the files that they name into a folder."""
     job.save_files(folder / FILES)
     for name in (BASE, STUDY):
         write_text(folder / name, _texts(job)[name])
 
 
 def _places(job: Job) -> dict[str, str]:
-    """Of the files, as the folder has them, by their names in the study."""
+    """Return the path of each file within the study folder, by its name in the study."""
     return {name: f"{FILES}/{place}" for name, place in places_of(job.files).items()}
 
 
 def _texts(job: Job) -> dict[str, str]:
-    """Collect what the folder's files hold: YAML of study and scenario, hashes of the others."""
+    """Return the contents of the folder's files: YAML of study and scenario, hashes of others."""
     study = dataclasses.replace(job.study, scenario=BASE)
     base = with_files(job.base, _places(job))
     return {
@@ -108,28 +110,26 @@ def _hash(content: bytes) -> str:
 
 
 def holds_study(folder: Path) -> bool:
-    """Whether a study was begun in a folder, by this version or by one before it."""
-    return any((folder / name).is_file() for name in (DATABASE, OF_0_3, RESULTS))
+    """Return whether a folder contains a study, of this version or an earlier one."""
+    return any((folder / name).is_file() for name in (DATABASE, RESULTS, ROWS_OF_0_3))
 
 
 def load_folder(folder: Path) -> tuple[Study, tuple[str, ...]]:
-    """Study and names of the outcomes of a study folder; nothing of it is run.
+    """Return the study of a folder and the names of its outcomes. No code in the folder is run.
 
     Raises:
-        InputError: if it holds no study, or a file of it cannot be used, or has been changed since
-            its runs.
+        InputError: if there is no study, or a file cannot be used or was changed after the runs.
     """
     study, about = _checked(folder)
     return study, tuple(about["outcomes"])
 
 
 def load_runner(folder: Path, *, trust: bool = False) -> tuple[Runner, tuple[str, ...], str]:
-    """What runs rows of a study folder once more; names of its outcomes; and what it was begun with
-    that is different here.
+    """Return a runner for rows of a study folder, names of its outcomes, and changed versions.
 
     Args:
-        folder: of the study.
-        trust: whether a Python file in it is run unasked.
+        folder: folder of the study.
+        trust: whether Python files in it are run without a question.
 
     Raises:
         InputError: as `load_folder`.
@@ -142,21 +142,21 @@ def load_runner(folder: Path, *, trust: bool = False) -> tuple[Runner, tuple[str
 
 
 def _checked(folder: Path) -> tuple[Study, dict[str, Any]]:
-    """A study, and what its folder is about; its files still are what its runs were made of."""
+    """Return the study of a folder and its metadata; check that no file was changed."""
     with Store(folder) as store:
         about = store.about
     study, _ = read_study(folder / STUDY)
     recorded = _contents(about["contents"])
     if found := _differences(recorded, _read(folder, recorded)):
         raise InputError(
-            f"{folder}: {_in_words(found)} changed since the study was begun, expected what its "
-            "runs were made of; a changed study belongs into another folder"
+            f"{folder}: {_in_words(found)} changed since the study was begun; restore the files, "
+            "and run the changed study in another folder"
         )
     return study, about
 
 
 def _read(folder: Path, names: Iterable[str]) -> dict[str, Any]:
-    """Read what files of a folder hold now: study and scenario as data, hashes of the others."""
+    """Read files of a folder: the study and the scenario as data, the hashes of the others."""
     return {
         name: read_yaml(folder / name)
         if name in (STUDY, BASE)
@@ -166,20 +166,20 @@ def _read(folder: Path, names: Iterable[str]) -> dict[str, Any]:
 
 
 def _contents(texts: Mapping[str, str]) -> dict[str, Any]:
-    """Read the texts of a folder's files: study and scenario as data, hashes as they are."""
+    """Parse the texts of the study and the scenario; keep the hashes of the other files."""
     return {
         name: parse_yaml(text) if name in (STUDY, BASE) else text for name, text in texts.items()
     }
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Find the files that are not the same in both, and the dotted names of their fields.
+    """Return the dotted names of the fields that differ, by file.
 
-    The time that a run may take changes nothing in it.
+    `timeout` is left out: it does not change the result of a run.
     """
     fields = {name: list(_fields(old.get(name), new.get(name))) for name in {**old, **new}}
-    wanted = {name: [x for x in found if x != "timeout"] for name, found in fields.items()}
-    return {name: found for name, found in wanted.items() if found}
+    relevant = {name: [x for x in found if x != "timeout"] for name, found in fields.items()}
+    return {name: found for name, found in relevant.items() if found}
 
 
 def _fields(old: Any, new: Any, name: str = "") -> Iterator[str]:
@@ -194,10 +194,10 @@ def _fields(old: Any, new: Any, name: str = "") -> Iterator[str]:
 
 
 def _in_words(differences: Mapping[str, list[str]]) -> str:
-    """Write files with their fields, as `_differences` finds them, in a line."""
-    told = []
+    """Return the differences of `_differences` as one line."""
+    texts = []
     for name, fields in differences.items():
-        more = ["..."] if len(fields) > _MOST_NAMES else []
-        inner = ", ".join([*filter(None, fields[:_MOST_NAMES]), *more])
-        told.append(f"{name} ({inner})" if inner else name)
-    return ", ".join(told)
+        more = ["..."] if len(fields) > _MAX_NAMES else []
+        inner = ", ".join([*filter(None, fields[:_MAX_NAMES]), *more])
+        texts.append(f"{name} ({inner})" if inner else name)
+    return ", ".join(texts)

@@ -1,4 +1,4 @@
-"""What a process needs to run rows of a study, wherever it is: data, and the files it names."""
+"""A study with the contents of all its files, which a process on any machine can run."""
 
 from __future__ import annotations
 
@@ -27,36 +27,33 @@ from sdt_drake.studies.study import Study
 
 @dataclass(frozen=True)
 class Job:
-    """A study that can be sent to another machine.
-
-    Attributes:
-        study, base: as loaded.
-        files: content of the files outside the package, by their names in study and base.
-        outcomes: names of the numbers that a run ends with.
-        fingerprint: of study, base and files: of all that is asked for.
-        versions: of all that computes it.
-    """
+    """A study that can be sent to another machine."""
 
     study: Study
+    """The study, as loaded."""
     base: Scenario
+    """The base scenario of the study, as loaded."""
     files: dict[str, bytes]
+    """Contents of the files outside the package, by their names in the study and its base."""
     outcomes: tuple[str, ...]
+    """Names of the outcomes of a run."""
     fingerprint: str
+    """Hash of study, base scenario and files. Equal fingerprints give equal rows."""
     versions: dict[str, str]
+    """Versions of the packages that compute the rows."""
 
     def runner(self, folder: Path) -> Runner:
-        """What runs rows here, on copies of the files in `folder`: the originals may be changed, or
-        be on another machine."""
+        """Return a runner of rows that uses copies of the files, which are written to `folder`."""
         places = self.save_files(folder)
-        for name, place in places.items():  # whoever made the job has asked
+        for name, place in places.items():  # `make_job` has checked that they are trusted
             accept(Path(place), self.files[name])
         return Runner(self.study, self.base, places)
 
     def save_files(self, folder: Path) -> dict[str, str]:
-        """Write the files into a folder of their own, and tell where each is by its name.
+        """Write the files into a folder and return the path of each by its name.
 
         Raises:
-            InputError: if one cannot be written.
+            InputError: if a file cannot be written.
         """
         places = {name: f"{folder / place}" for name, place in places_of(self.files).items()}
         for name, place in places.items():
@@ -66,20 +63,21 @@ class Job:
 
 
 def places_of(files: Mapping[str, bytes]) -> dict[str, str]:
-    """Where files are in a folder of their own, each in another, by their names in the study."""
+    """Return a path for each file, by its name in the study: each in a folder of its own."""
     return {name: f"{i + 1}/{Path(name).name}" for i, name in enumerate(files)}
 
 
 def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
-    """Check that the base scenario can be run, and gather what its variants need.
+    """Check that the base scenario can be run, and read all files that the study needs.
 
     Args:
-        study, base: as loaded.
-        trust: whether Python files that variables name are run unasked.
+        study: the study, as loaded.
+        base: its base scenario, as loaded.
+        trust: whether Python files that variables name are run without a question.
 
     Raises:
-        InputError: if it cannot, if a file is missing or cannot be used, or if a robot or a motion
-            has more or fewer joints.
+        InputError: if the base scenario cannot be run, a file is missing or cannot be used, or
+            the numbers of joints differ.
     """
     n = make_design(base).robot.n
     files, hashes = {}, []
@@ -88,13 +86,13 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
         file = find_file(reference, field.file, base=study.folder)
         joints = _joints(field.name, file, base)
         if joints not in (None, n):
-            raise InputError(f"{name}: {joints} joint(s), expected {n} as in the base")
+            raise InputError(f"{name}: {joints} joint(s), expected {n} as in the base scenario")
         with trusting(trust):
             content = trusted_code(file) if field.file == "controllers" else file.read_bytes()
         hashes.append(hashlib.sha256(content).hexdigest())
         if not reference.startswith(PACKAGE_PREFIX):
             files[name] = content
-    # Neither where the files are nor how long a run may take changes anything in it.
+    # Rows depend neither on the paths of files nor on the time-out.
     same_study = dataclasses.replace(study, scenario="", timeout=1.0)
     depends = {
         "study": yaml_text(same_study),
@@ -106,10 +104,10 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
 
 
 def _joints(field: str, file: Path, base: Scenario) -> int | None:
-    """How many a robot or a motion has.
+    """Return the number of joints of a robot or a motion; None for other files.
 
     Raises:
-        InputError: for a file that cannot be used: every run of it would fail.
+        InputError: for a file that cannot be used. Every run of it would fail.
     """
     if field == "robot":
         return load_robot(file).n
@@ -119,7 +117,7 @@ def _joints(field: str, file: Path, base: Scenario) -> int | None:
 
 
 def _references(study: Study, base: Scenario) -> Iterator[tuple[Field, str]]:
-    """Field and name of the files of the base scenario and its variants."""
+    """Yield the field and the name of each file of the base scenario and its variants."""
     for field in FILE_FIELDS:
         if name := field.get(base):
             yield field, name

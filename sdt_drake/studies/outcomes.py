@@ -1,4 +1,4 @@
-"""The numbers that a run ends with: how well joints follow, and what it takes of the motors."""
+"""The outcomes of a run: tracking errors of the joints, and loads of the motors."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ TRACKING = (
     "max_abs_speed_error", "rms_speed_error", "constant_speed_error", "saturated_fraction",
     "max_abs_position_error", "peak_torque_share", "rms_torque_share",
 )  # fmt: skip
-"""Of every run, one for each joint."""
+"""Families of outcomes that every run has, one for each joint."""
 
 LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torque_at_speed_share")
-"""Of `motor_loads`, one for each joint."""
+"""Families of outcomes that `motor_loads` returns, one for each joint."""
 
 
 class InfeasibleError(InputError):
-    """The device cannot do the motion."""
+    """An error for a motion that is beyond the limits of the device."""
 
 
 def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
-    """Names of the numbers that a run ends with: joint k's of n are called name_k."""
+    """Return the names of a run's outcomes. Those of joint k = 1..n end with _k."""
     loads = motor_load_names(n) if has_motor_loads(base) else ()
     return (*_of_joints(TRACKING, n), "felt_share", *loads)
 
@@ -42,18 +42,21 @@ def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
 def outcomes_of(
     base: Scenario, design: Design, recording: Recording, commanded: float, pause: float
 ) -> tuple[float, ...]:
-    """The numbers of a run, as `outcome_names` names them; NaN for those it does not have.
+    """Return the outcomes of a run in the order of `outcome_names`; NaN where it has none.
 
     Args:
-        base: scenario of the study.
-        design, recording, commanded, pause: as of `motor_loads`.
+        base: base scenario of the study.
+        design: design of the run.
+        recording: the run.
+        commanded: commanded duration of the motion [s].
+        pause: rest between two runs, motors without current [s].
     """
     run = Compared(design.scenario.controller.label, design, recording)
     felt = run.head.felt.share if has_head(design.robot) else np.nan
     own = (*np.concatenate([run.metrics[name] for name in TRACKING]).tolist(), felt)
     if has_motor_loads(base) and has_motor_loads(design.scenario):
         own += motor_loads(design, recording, commanded, pause)
-    # What other rows of the study have and this one does not.
+    # Motor loads that other rows of the study have and this one does not.
     return own + (np.nan,) * (len(outcome_names(base, design.robot.n)) - len(own))
 
 
@@ -61,8 +64,7 @@ def outcomes_of(
 
 
 def has_motor_loads(scenario: Scenario) -> bool:
-    """Whether `motor_loads` can tell of a scenario: of a coupled plant with motors of a
-    catalogue."""
+    """Return whether `motor_loads` applies: a rigid coupled plant, all motors of a catalogue."""
     device = scenario.device
     if scenario.plant.kind != "coupled" or not scenario.plant.elasticity.is_rigid:
         return False
@@ -71,31 +73,31 @@ def has_motor_loads(scenario: Scenario) -> bool:
 
 
 def motor_load_names(n: int) -> tuple[str, ...]:
-    """Names of the numbers that `motor_loads` tells of n joints."""
+    """Return the names of the numbers that `motor_loads` returns for n joints."""
     return (*_of_joints(LOADS, n), "stretch")
 
 
 def motor_loads(
     design: Design, recording: Recording, commanded: float, pause: float = 0.0
 ) -> tuple[float, ...]:
-    """Numbers of a run, as `motor_load_names` names them; less is better for each of them.
+    """Return the loads of the motors in the order of `motor_load_names`; less is better for each.
 
-    used_torque_share: largest torque over the motor's largest [-].
+    used_torque_share: largest torque over the motor's peak torque [-].
     rated_torque_share: RMS of the motor's torque, pauses included, over the rated torque [-].
-    winding_temperature: highest temperature of the winding above that of its coolant, as a share
-        of what the rated torque gives for ever [-], the run repeated for ever.
-    torque_at_speed_share: of the planned motion, the largest torque over what the motor's envelope
-        leaves to drive with at that speed [-]; that of `drive.n1` and `n0` where they are given.
-    stretch: how much longer than commanded the motion lasts [-].
+    winding_temperature: highest temperature rise of the winding above its coolant, over the rise
+        at constant rated torque [-]; steady state of the repeated motion.
+    torque_at_speed_share: largest torque of the planned motion over the driving torque available
+        at that speed [-], by `drive.n1` and `n0` where they are given.
+    stretch: extra duration of the planned motion over the commanded duration [-].
 
     Args:
-        design: of a scenario with a device whose motors are all of the catalogue.
-        recording: its run.
-        commanded: how long the motion should last [s].
+        design: design of the run; all its motors are in the catalogue.
+        recording: the run.
+        commanded: commanded duration of the motion [s].
         pause: rest between two runs, motors without current [s].
 
     Raises:
-        InputError: for a device with a motor of no catalogue.
+        InputError: for a device with a motor that is not in the catalogue.
     """
     robot, motion = design.robot, design.motion
     motors = motors_in_use(design.scenario.device, robot.n)
@@ -117,22 +119,27 @@ def motor_loads(
 def winding_temperature(
     heat: Array, time_constant: ArrayLike, period: float, pause: float = 0.0
 ) -> Array:
-    """Highest temperature theta of windings in a cycle that goes on for ever, shape (n,).
+    """Return the highest winding temperature theta of an endlessly repeated cycle, shape (n,).
 
-    Copper losses grow with the torque squared, and the winding is one lump of heat (assumed), so
-    with theta = 1 for the rated torque
+    Copper losses grow with the torque squared. The winding is one thermal mass (assumed). So with
+    theta = 1 at constant rated torque
 
         T d theta/dt + theta = (tau / tau_rated)²
 
-    Over a period of constant heat this is solved exactly. After a cycle of length t_c + t_p that
-    starts at theta_0 the winding must be at theta_0 again: with f, what a cycle that starts cold
-    ends with, theta_0 = f exp(-t_p / T) / (1 - exp(-(t_c + t_p) / T)).
+    Within a period the heat is constant and the solution exact. In the steady state a cycle of
+    length t_c + t_p ends at the temperature theta_0 at which it started. With the temperature f at
+    the end of a motion that starts cold:
+
+        theta_0 = f exp(-t_p / T) / (1 - exp(-(t_c + t_p) / T))
 
     Args:
-        heat: (tau / tau_rated)², mean over each period [-], shape (N, n).
-        time_constant: T [s], shape (n,).
-        period: [s].
-        pause: t_p at the end of the cycle, without torque [s].
+        heat: mean of (tau / tau_rated)² over each period [-], shape (N, n).
+        time_constant: thermal time constants T [s], shape (n,).
+        period: period of `heat` [s].
+        pause: rest t_p at the end of the cycle, without torque [s].
+
+    >>> winding_temperature(np.ones((100, 1)), [1000.0], 0.1)  # rated torque without a pause
+    array([1.])
     """
     T = np.asarray(time_constant, dtype=float)
     kept = np.exp(-period / T)

@@ -1,4 +1,4 @@
-"""The rows of a study as a table, and as a file for other programs."""
+"""The rows of a study: as a table, and as a file for other programs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from sdt_drake.studies.store import ABOUT, RESULTS, Store
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import RUN_COLUMNS, StudyTable
 
-_MET = ("motion", "plant", "disturbance", "drive.torque_error", "controller.model")
-"""Parts of a scenario that designs have to stand."""
+_UNCERTAIN = ("motion", "plant", "disturbance", "drive.torque_error", "controller.model")
+"""Parts of a scenario that a designer does not choose; designs have to cope with all of them."""
 
 
 def write_results(store: Store, folder: Path) -> Path:
-    """Write the rows as results.parquet, or as results.csv where pyarrow is not installed.
+    """Write the rows as results.parquet, or as results.csv without pyarrow; return the path.
 
     Raises:
         InputError: if the file cannot be written.
@@ -44,20 +44,20 @@ def write_results(store: Store, folder: Path) -> Path:
 
 
 def read_study_table(folder: Path) -> StudyTable:
-    """The runs of a study folder that are done.
+    """Return the finished runs of a study folder.
 
     Raises:
-        InputError: if the folder holds no study, or a file of it cannot be used.
+        InputError: if the folder contains no study or no finished run, or a file cannot be used.
     """
     study, outcomes = load_folder(folder)
     with Store(folder) as store, store.reading():
         kinds = store.kinds
-        groups: list[list[NDArray[Any]]] = [  # an array needs a fifth of the numbers' memory
+        groups: list[list[NDArray[Any]]] = [  # arrays need a fifth of the memory of tuples
             [np.array(values, kind) for values, kind in zip(columns, kinds.values(), strict=True)]
             for columns in store.groups()
         ]
     if not groups:
-        raise InputError(f"{folder}: no run of the study is done yet")
+        raise InputError(f"{folder}: no finished run; continue the study with --resume")
     arrays = dict(zip(kinds, map(np.concatenate, zip(*groups, strict=True)), strict=True))
     return StudyTable(
         name=study.name,
@@ -71,12 +71,12 @@ def read_study_table(folder: Path) -> StudyTable:
 
 
 def _choices(study: Study) -> tuple[str, ...] | None:
-    """See `StudyTable`."""
+    """Return `StudyTable.choices` of a study."""
 
-    def is_met(field: str) -> bool:
-        return any(is_within(field, part) for part in _MET)
+    def is_uncertain(field: str) -> bool:
+        return any(is_within(field, part) for part in _UNCERTAIN)
 
-    met = [variable for variable in study.variables if any(map(is_met, variable.fields))]
-    if any(isinstance(variable.distribution, Random) for variable in met):
+    uncertain = [v for v in study.variables if any(map(is_uncertain, v.fields))]
+    if any(isinstance(variable.distribution, Random) for variable in uncertain):
         return None
-    return tuple(variable.name for variable in study.variables if variable not in met)
+    return tuple(variable.name for variable in study.variables if variable not in uncertain)

@@ -23,10 +23,10 @@ from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
-_CACHED = 16  # planned motions, with their robots, that a process keeps
+_MAX_PLANS = 16  # planned motions, with their robots, that a process keeps
 
 Inputs = Mapping[str, Value]
-"""Value of each variable of a row, by its name."""
+"""Values of the variables of a row, by name."""
 
 _Planned = tuple[Robot, Plan]
 
@@ -35,7 +35,7 @@ FILE_FIELDS = tuple(field for field in map(find_field, field_names()) if field.f
 
 
 def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
-    """A copy that has its files at other places; those without one stay."""
+    """Return a copy of a scenario in which the files in `places` have their new paths."""
     scenario = copy.deepcopy(scenario)
     for field in FILE_FIELDS:
         name = field.get(scenario)
@@ -44,45 +44,45 @@ def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
 
 
 class Runner:
-    """Runs rows of a study; keeps robots and planned motions that they share."""
+    """A runner of a study's rows. It keeps the robots and planned motions that rows share."""
 
     def __init__(
         self, study: Study, base: Scenario, places: Mapping[str, str] | None = None
     ) -> None:
-        """Of a study and its base scenario; places: where files are that go by other names."""
+        """Make a runner; `places` has the paths of files by their names in study and base."""
         self.study, self.base, self._places = study, base, dict(places or {})
         self._plans: dict[tuple[str | float, ...], _Planned | InfeasibleError] = {}
 
     def scenario(self, number: int, inputs: Inputs | None = None) -> Scenario:
-        """The scenario of a row, with its inputs as the study draws them by default.
+        """Return the scenario of a row; by default with the inputs that the study draws.
 
         Raises:
-            InputError: for values that their fields do not take.
+            InputError: for values that their fields do not accept.
         """
-        if file := self.base.controller.file:  # the row may name what that registers
+        if file := self.base.controller.file:  # rows may name controllers that it registers
             load_controllers(self._places.get(file, file))
         scenario = self.study.scenario_of(self.base, inputs or self.study.inputs(number))
         scenario.name = f"{self.study.name}, row {number}"
         return with_files(scenario, self._places)
 
     def design(self, scenario: Scenario) -> tuple[Design, Plan]:
-        """The design of a scenario of the study, and the plan of its motion.
+        """Return the design of a scenario of the study, and the plan of its motion.
 
         Raises:
-            InfeasibleError: if the device cannot do the motion.
+            InfeasibleError: if the motion is beyond the limits of the device.
             InputError: for any other bad input.
         """
-        check(scenario)  # before planning, which would call bad numbers infeasible
+        check(scenario)  # planning would report bad numbers as an infeasible motion
         robot, plan = self._planned(scenario)
         return make_design(scenario, robot=robot, motion=plan.motion), plan
 
     def _planned(self, scenario: Scenario) -> _Planned:
-        """From the cache, which forgets the oldest."""
-        how = (scenario.period, scenario.torque_margin, scenario.planner)
+        """Return robot and plan from the cache, which drops the oldest plan when it is full."""
+        planning = (scenario.period, scenario.torque_margin, scenario.planner)
         device = (str(scenario.device), str(scenario.drive.n1), str(scenario.drive.n0))
-        key = (scenario.robot, *device, scenario.motion, *how)
+        key = (scenario.robot, *device, scenario.motion, *planning)
         if key not in self._plans:
-            if len(self._plans) >= _CACHED:
+            if len(self._plans) >= _MAX_PLANS:
                 del self._plans[next(iter(self._plans))]
             self._plans[key] = _plan(scenario)
         planned = self._plans[key]
@@ -91,11 +91,11 @@ class Runner:
         return planned
 
     def run(self, number: int, inputs: Inputs | None = None) -> Row:
-        """Run a row: what becomes of it."""
+        """Run a row and return it; an error becomes its status and reason."""
         start = time.perf_counter()
         try:
             outcomes, _, wrong = self.repeat(number, inputs)
-        except Exception as error:  # whatever it is, the study goes on
+        except Exception as error:  # an error of a row does not end the study
             return self._failed(number, error, time.perf_counter() - start)
         duration = time.perf_counter() - start
         if wrong:
@@ -105,10 +105,10 @@ class Runner:
     def repeat(
         self, number: int, inputs: Inputs | None = None
     ) -> tuple[tuple[float, ...], Recording, str]:
-        """Outcomes and recording of a row; and why it has failed all the same, "" if it has not.
+        """Run a row; return its outcomes, its recording, and the reason of a failure or "".
 
         Raises:
-            InputError: if it cannot be run.
+            InputError: if the row cannot be run.
         """
         design, plan = self.design(self.scenario(number, inputs))
         recording = simulate(design)
@@ -124,7 +124,7 @@ class Runner:
         reason = " ".join(str(error).split())
         if not isinstance(error, InputError):
             reason = f"{type(error).__name__}: {reason}"
-        # Where a process has its files is its own business: rows are the same everywhere.
+        # Paths of this process are replaced: rows must be equal on all machines.
         for name, place in self._places.items():
             reason = reason.replace(place, name)
         reason = reason.replace(f"{models_dir()}/", PACKAGE_PREFIX)
@@ -132,9 +132,10 @@ class Runner:
 
 
 def _plan(scenario: Scenario) -> _Planned | InfeasibleError:
+    """Return robot and plan; an InfeasibleError if only the device's limits are the problem."""
     robot = load_device(scenario)
     try:
         return robot, plan_of(scenario, robot)
     except InputError as error:
-        load_commanded(scenario.motion, robot, scenario.period)  # not the device's fault: raised
+        load_commanded(scenario.motion, robot, scenario.period)  # raises for a bad motion file
         return InfeasibleError(*error.args)

@@ -1,4 +1,4 @@
-"""Sizing: motors, structures, motions and controllers to try, and what they must keep; YAML."""
+"""Sizing: the candidates for a device's motors and the requirements that they must meet."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -36,28 +36,28 @@ from sdt_drake.studies.study import Study, Variable
 
 @dataclass
 class Requirements(Input):
-    """What a device must keep in every motion: the largest value of each outcome.
+    """The requirements of a device: the largest allowed value of each outcome, in every motion.
 
-    Lists have one value for all joints, or one for each.
+    A list has one value for all joints, or one for each joint.
     """
 
     max_abs_speed_error: Some[Positive] = setting(unit="rad/s", side="joint")
     """Largest speed error."""
     max_abs_position_error_deg: Some[Positive] | None = setting(None, unit="deg", side="joint")
-    """Largest position error; any by default."""
+    """Largest position error; unlimited by default."""
     used_torque_share: Positive = setting(1.0, unit="-")
-    """Largest share of the motor's peak torque."""
+    """Largest torque over the motor's peak torque."""
     torque_at_speed_share: Positive = setting(1.0, unit="-")
-    """Of what the motor's envelope leaves at the planned speed."""
+    """Largest torque of the planned motion over the torque that the motor has at that speed."""
     winding_temperature: Positive = setting(1.0, unit="-")
-    """As a share of what the rated torque gives for ever."""
+    """Largest temperature rise of the winding over the rise at constant rated torque."""
     saturated_fraction: NotNegative = setting(0.0, unit="-")
-    """Share of the time at a limit."""
+    """Largest share of time in which a motor is at its torque limit."""
     stretch: NotNegative = setting(0.0, unit="-")
-    """How much longer than commanded a motion may last, as a share of its time."""
+    """Largest extra duration of a planned motion over its commanded duration."""
 
     def limits(self, n: int) -> dict[str, float]:
-        """Largest value of each outcome of a run by its name, what matters first; in its unit."""
+        """Return the largest allowed value [SI] by name of the outcome, most important first."""
         position = self.max_abs_position_error_deg
         by_family: dict[str, ArrayLike] = {
             "torque_at_speed_share": self.torque_at_speed_share,
@@ -77,53 +77,53 @@ class Requirements(Input):
 
 @dataclass(kw_only=True)
 class Sizing(Input):
-    """Candidates for the motors of a device, and what they must do."""
+    """A sizing: candidates for the motors of a device, and their requirements."""
 
     name: str = ""
-    """Short name; that of the file by default."""
+    """Short name; the name of the file by default."""
     scenario: Annotated[Text, FileOf("scenario")]
-    """File of the base, with the coupled plant; relative to the file's own folder, or the name
-    of one that ships with the package."""
+    """Base scenario, with the coupled plant: a file relative to this file's folder, or the name
+    of a shipped one."""
     device: DeviceChoice = setting(DeviceChoice)
-    """What all candidates share: `fitted`, `catalogue`, `gear_ratio`, `payload`,
-    `stiffness_exponent`. Its motors and its scale are those of the candidates."""
+    """Device settings of all candidates: `fitted`, `catalogue`, `gear_ratio`, `payload`,
+    `stiffness_exponent`. Leave `motors` and `structure_scale` out."""
     motors: Some[Some[str]]
-    """Ids for each joint, base to tip; every combination is a motor set."""
+    """Motor ids for each joint, base to tip; every combination is a motor set."""
     structure_scales: Some[Positive] = setting([1.0], unit="-")
-    """Every motor set is tried with each."""
+    """Structure scales; every motor set is tried with each of them."""
     motions: Some[Annotated[str, FileOf("motion")]]
-    """Names of shipped ones, or files; every candidate must do all of them."""
+    """Motions that every candidate must do: files, or names of shipped ones."""
     controllers: Some[str]
-    """Labels: "pi", "p_pi+id"; each gets its own recommendation."""
+    """Controller labels: "pi", "p_pi+id"; each gets its own recommendation."""
     planner: Annotated[str, OneOf(tuple(PLANNERS))] = "limiter"
-    """Of the motions; with "limiter" a motor set that is too weak for a motion is out, with
-    "retiming" the motion takes longer, which `stretch` limits."""
+    """Planner of the motions. With "limiter" a motor set that is too weak for a motion is
+    infeasible. With "retiming" the motion takes longer, which `stretch` limits."""
     torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
     """Share of the motors' torque that the planner may use."""
     pause: NotNegative = setting(0.0, unit="s")
-    """Rest between two runs of a motion, for the temperature of the windings."""
+    """Rest between two runs of a motion, in which the windings cool."""
     requirements: Requirements
-    """What every candidate must keep."""
+    """Requirements that every candidate must meet."""
     accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")
-    """Of the integrator: speeds are good to it."""
+    """Accuracy of simulated speeds."""
     timeout: Positive = setting(300.0, unit="s")
-    """What a run may take before it is given up."""
+    """Longest computing time of a run; a longer run is stopped and counts as timed out."""
 
     def problems(self) -> Problems:
         lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
-        # Two that are told as the same could not be told apart.
+        # Reports show scales in this format and motions by short name: both must differ.
         lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]
         lists["motions"] = [short_name(motion) for motion in self.motions]
         for name, values in lists.items():
             if len(set(values)) < len(values):
-                yield name, f"{values} has a value twice"
+                yield name, f"{values} has a value twice, expected each once"
         for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
             limits = getattr(self.requirements, name)
             if limits is not None and len(limits) not in (1, self.n):
-                text = f"{len(limits)} value(s), expected one, or {self.n}, one for each joint"
+                text = f"{len(limits)} values, expected one, or {self.n}, one for each joint"
                 yield f"requirements.{name}", text
         if any(self.device.motors) or self.device.structure_scale != 1:
-            yield "device", "motors and structure_scale are those of the candidates; remove"
+            yield "device", "motors and structure_scale come from the candidates; remove them here"
         with at("device"):
             check(self.device, n=self.n)
         catalogue = self.catalogue
@@ -132,7 +132,7 @@ class Sizing(Input):
             for id_ in ids:
                 if not id_:
                     known = f"'{fitted}', which is fitted" if fitted else "ids of the catalogue"
-                    yield f"motors[{k + 1}]", f"'' has no numbers to judge, expected {known}"
+                    yield f"motors[{k + 1}]", f"'' names no motor, expected {known}"
                 else:
                     catalogue.motor(id_, f"motors[{k + 1}]")
         for k, id_ in enumerate(self.device.fitted):
@@ -146,18 +146,20 @@ class Sizing(Input):
 
     @property
     def catalogue(self) -> Catalogue:
-        """The motors to choose from."""
+        """The catalogue of the motors."""
         return load_catalogue(self.device.catalogue)
 
     @property
     def masses(self) -> dict[str, float]:
-        """Masses of the motors to choose from [kg], by id."""
+        """Masses of the catalogue's motors [kg], by id."""
         return {motor.id: motor.mass for motor in self.catalogue.motors}
 
     @property
     def shared_device(self) -> DeviceChoice:
-        """The device as it is: with the fitted motors, or else the strongest of each joint, as
-        one that is too weak for the motions would let nothing be tried."""
+        """The device of the base scenario: fitted motors, or else the strongest of each joint.
+
+        The base scenario must be feasible: with too weak motors no candidate could be tried.
+        """
         fitted, torque = self.device.fitted or [""] * self.n, self._torque
         motors = [
             now or max(ids, key=torque) for now, ids in zip(fitted, self.motors, strict=False)
@@ -165,12 +167,12 @@ class Sizing(Input):
         return replace(self.device, motors=motors)
 
     def _torque(self, id_: str) -> float:
-        """Peak torque behind the gearbox [N m]."""
+        """Return a motor's peak torque behind its gearbox, joint side [N m]."""
         motor = self.catalogue.motor(id_, "motors")
         return motor.peak_torque * motor.gear_ratio
 
     def base(self, scenario: Scenario) -> Scenario:
-        """The base scenario, with the device as it is."""
+        """Return the base scenario of the study, with `shared_device` and this planner."""
         return replace(
             scenario,
             device=self.shared_device,
@@ -179,7 +181,7 @@ class Sizing(Input):
         )
 
     def study(self) -> Study:
-        """All candidates, motions and controllers as a study of `base`."""
+        """Return the study of all candidates, motions and controllers."""
 
         def choice(name: str, target: str, values: list[str]) -> Variable:
             return Variable(name, [target], "value", Choice(values))
@@ -207,10 +209,15 @@ class Sizing(Input):
 def load_sizing(
     path: str | Path, changes: Mapping[str, Any] | None = None, *, trust: bool = False
 ) -> tuple[Sizing, Scenario]:
-    """A sizing from YAML, and the base scenario of its study, with arguments as of `load_scenario`.
+    """Load a sizing and the base scenario of its study.
+
+    Args:
+        path: a file, or the name of a shipped sizing.
+        changes: values of scenario fields by dotted name, as in `load_scenario`.
+        trust: whether the Python file of a controller is run without a question.
 
     Raises:
-        InputError: with a line for each problem: file, field, and what would be right.
+        InputError: with a line for each problem: file, field, and what is accepted.
     """
     sizing, file = load_yaml(Sizing, path, "study")
     sizing.name = sizing.name or file.stem
@@ -220,11 +227,11 @@ def load_sizing(
     with within(file):
         if scenario.plant.kind != "coupled":
             raise InputError(
-                f"scenario: plant.kind {scenario.plant.kind}, expected coupled: the masses of "
-                "motors load the other joints"
+                f"scenario: plant.kind {scenario.plant.kind}, expected coupled, as the mass of a "
+                "motor loads the other joints"
             )
         if not scenario.plant.elasticity.is_rigid:
-            raise InputError("scenario: plant.elasticity: expected rigid joints, for their torques")
+            raise InputError("scenario: plant.elasticity: elastic joints, expected rigid ones")
         check_labels(sizing.controllers)
         for motion in sizing.motions:
             find_file(motion, "motion")
@@ -235,26 +242,27 @@ def load_sizing(
 
 
 def short_name(motion: str) -> str:
-    """The name of a motion, from its path too."""
+    """Return the short name of a motion: the stem of its path.
+
+    >>> short_name("motions/post_roll.csv")
+    'post_roll'
+    """
     return Path(motion).stem
 
 
 class Candidate(NamedTuple):
-    """A motor set in a structure.
-
-    Attributes:
-        motors: ids, base to tip.
-        structure_scale: [-].
-    """
+    """A motor set in a structure."""
 
     motors: tuple[str, ...]
+    """Ids of the motors, base to tip."""
     structure_scale: float
+    """Scale of the structure's masses and inertias [-]."""
 
     def __str__(self) -> str:
         return f"{', '.join(self.motors)} at structure scale {self.structure_scale:g}"
 
 
 def candidates(sizing: Sizing) -> list[Candidate]:
-    """All candidates of a sizing, in the order of the study."""
+    """Return all candidates of a sizing, in the order of the study."""
     motor_sets = product(*sizing.motors)
     return [Candidate(ids, scale) for ids in motor_sets for scale in sizing.structure_scales]

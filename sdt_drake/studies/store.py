@@ -1,4 +1,7 @@
-"""The database of a study: what it is of, and its rows as they finish, whole whatever happens."""
+"""The database of a study: its metadata, and each row as it finishes.
+
+A row is written whole or not at all, even if the process is killed.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,17 @@ from sdt_drake.studies.table import Row
 
 DATABASE = "study.sqlite"
 ABOUT = "sdt_drake"
-"""Key of what a study is of, in the metadata of its export."""
+"""Key of the study's metadata in its Parquet export."""
 
-OF_0_3 = "rows.jsonl"
-"""Rows of a study that version 0.3 or an older one ran."""
+ROWS_OF_0_3 = "rows.jsonl"
+"""File of rows of an unfinished study of version 0.3 or older."""
 
 RESULTS = "results.parquet"
-"""Export of a finished study, from which it can be read where its database is not."""
+"""Export of a finished study; it is read where the database is missing."""
 
 _KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
-_PATIENCE = 60.0  # s; for another process that reads or writes a row
-_GROUP = 4096  # rows that are in memory together
+_LOCK_TIMEOUT = 60.0  # s; for another process that reads or writes a row
+_GROUP_ROWS = 4096  # rows in memory at the same time
 _UNUSABLE = (
     sqlite3.Error, ValueError, LookupError, TypeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
@@ -42,14 +45,15 @@ _COMPUTED = """
 
 
 class Store(AbstractContextManager["Store"]):
-    """The database of a study folder, open.
+    """The open database of a study folder."""
 
-    Attributes:
-        path: of the file.
-        about: what the study is of, as `create` got it.
-        kinds: int, float or str, by name of the column: "row", inputs, "status", "reason",
-            "duration", outcomes.
-    """
+    path: Path
+    """Path of the file."""
+    about: dict[str, Any]
+    """Metadata of the study, as given to `create`."""
+    kinds: dict[str, type]
+    """Type of each column, int, float or str, by name: "row", inputs, "status", "reason",
+    "duration", outcomes."""
 
     def __init__(self, folder: Path) -> None:
         """Open the database of a folder.
@@ -62,10 +66,10 @@ class Store(AbstractContextManager["Store"]):
             self.path = folder / RESULTS
         if not self.path.is_file():
             raise InputError(
-                f"{folder}: holds an unfinished study of version 0.3 or an older one ({OF_0_3}), "
-                "expected one of this version; run it anew into another folder"
-                if (folder / OF_0_3).is_file()
-                else f"{folder}: holds no study, expected the folder of `sdt-drake study`"
+                f"{folder}: contains an unfinished study of version 0.3 or older ({ROWS_OF_0_3}); "
+                "run it again into another folder"
+                if (folder / ROWS_OF_0_3).is_file()
+                else f"{folder}: contains no study, expected the folder of `sdt-drake study`"
             )
         with self.reading():
             is_export = self.path.name == RESULTS
@@ -80,44 +84,44 @@ class Store(AbstractContextManager["Store"]):
         self._database.close()
 
     def done(self) -> set[int]:
-        """Numbers of the rows that are there."""
+        """Return the numbers of the rows in the database."""
         with self.reading():
             return {number for (number,) in self._database.execute("SELECT row FROM rows")}
 
     def inputs(self, number: int) -> dict[str, Value]:
-        """Inputs of a row; none of one that is not there."""
+        """Return the inputs of a row by name; empty if the row is not in the database."""
         with self.reading():
             found = self._database.execute("SELECT * FROM rows WHERE row = ?", (number,)).fetchone()
         columns = zip(self.kinds, found or (), strict=False)
         return {name: value for name, value in columns if name in self.about["inputs"]}
 
     def append(self, row: Row, inputs: Mapping[str, Value]) -> None:
-        """Write a row and wait until the disk has it.
+        """Write a row and wait until it is on the disk.
 
         Raises:
-            InputError: if that fails; what was there before stays.
+            InputError: if that fails. Earlier rows stay.
         """
         outcomes = row.outcomes or (None,) * len(self.about["outcomes"])
         values = (row.number, *inputs.values(), row.status, row.reason, row.duration, *outcomes)
-        marks = ",".join("?" * len(values))  # SQLite takes NaN for NULL
+        marks = ",".join("?" * len(values))  # SQLite stores NaN as NULL
         try:
             self._database.execute(f"INSERT INTO rows VALUES ({marks})", values)
         except sqlite3.Error as error:
             raise InputError(
                 f"{self.path}: cannot be written ({error}); {len(self.done())} runs are kept, "
-                "--resume goes on from there"
+                "continue with --resume"
             ) from None
 
     def groups(self) -> Iterator[list[tuple[Any, ...]]]:
-        """Some thousand rows at a time, in their order: the values of each column."""
+        """Yield the columns of all rows, sorted by number, in groups of 4096 rows."""
         with self.reading():
             cursor = self._database.execute("SELECT * FROM rows ORDER BY row")
-            while group := cursor.fetchmany(_GROUP):
+            while group := cursor.fetchmany(_GROUP_ROWS):
                 yield [*zip(*group, strict=True)]
 
     @contextmanager
     def reading(self) -> Iterator[None]:
-        """Errors within are those of a file that cannot be used."""
+        """Raise the block's errors as InputError: the file cannot be used."""
         try:
             yield
         except _UNUSABLE as error:
@@ -131,19 +135,19 @@ def create(folder: Path, about: Mapping[str, Any], texts: Mapping[str, bool]) ->
     """Write a database without rows.
 
     Args:
-        folder: of the study.
-        about: what it is of, as JSON takes it: "outcomes" are its outcomes.
-        texts: for each input whether it is one of texts, not of numbers.
+        folder: folder of the study.
+        about: metadata that JSON can hold; "outcomes" are the names of the outcomes.
+        texts: for each input, whether its values are texts.
 
     Raises:
-        InputError: if it cannot be written, or two inputs differ in capital letters alone.
+        InputError: if it cannot be written, or two inputs differ only in upper and lower case.
     """
     with replacing(folder / DATABASE) as partial, closing(sqlite3.connect(partial)) as database:
         try:
             _fill(database, about, texts)
             database.commit()
         except sqlite3.Error as error:
-            raise InputError(f"{folder}: no study can be begun there ({error})") from None
+            raise InputError(f"{folder}: cannot begin a study here ({error})") from None
 
 
 def _fill(
@@ -160,26 +164,26 @@ def _fill(
 
 
 def _check_tables(database: sqlite3.Connection) -> None:
-    """Refuse views and columns that SQLite would compute, maybe for ever."""
+    """Raise ValueError for views and computed columns, whose evaluation might never end."""
     if any(count for (count,) in database.execute(_COMPUTED)):
-        raise ValueError("holds more than two tables of values")
+        raise ValueError("contains more than two tables of values")
 
 
 def _checked(about: dict[str, Any]) -> dict[str, Any]:
-    """What a study is of, nothing where it does not say so; its files are all in its folder."""
+    """Return the metadata with defaults for missing entries; check types and paths."""
     about = {name: kind() for name, kind in _ABOUT.items()} | about
     for name, kind in _ABOUT.items():
         if not isinstance(about[name], kind):
-            raise ValueError(f"{name} is no {kind.__name__}")
+            raise ValueError(f"{name} is not a {kind.__name__}")
     for place in (*about["files"].values(), *about["contents"]):
         if PurePath(place).is_absolute() or ".." in PurePath(place).parts:
-            raise ValueError(f"{place} is outside of the folder")
+            raise ValueError(f"{place} is outside the folder")
     return about
 
 
 def _connected(path: Path) -> sqlite3.Connection:
     uri = f"{path.resolve().as_uri()}?mode=rw"
-    return sqlite3.connect(uri, uri=True, isolation_level=None, timeout=_PATIENCE)
+    return sqlite3.connect(uri, uri=True, isolation_level=None, timeout=_LOCK_TIMEOUT)
 
 
 def _imported(results: Path) -> sqlite3.Connection:
@@ -189,9 +193,9 @@ def _imported(results: Path) -> sqlite3.Connection:
     table = parquet.read_table(results)
     metadata = table.schema.metadata or {}
     if ABOUT.encode() not in metadata:
-        raise ValueError("of another program")
+        raise ValueError("written by another program")
     about = json.loads(metadata[ABOUT.encode()])
-    if (old := results.with_name("state.json")).is_file():  # of version 0.3
+    if (old := results.with_name("state.json")).is_file():  # version 0.3 wrote it
         about |= {"contents": {}} | json.loads(old.read_text(encoding="utf-8"))
     database = sqlite3.connect(":memory:")
     texts = {name: f"{table[name].type}" == "string" for name in about["inputs"]}

@@ -1,4 +1,4 @@
-"""A study: a base scenario, what varies in it, and how; from YAML."""
+"""A study: a base scenario and the variables that change it, loaded from YAML."""
 
 import copy
 import math
@@ -28,29 +28,29 @@ from sdt_drake.io.fields import (
 )
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
-from sdt_drake.studies.distributions import MOST_RUNS, Choice, Grid, List, Random, text_problems
+from sdt_drake.studies.distributions import MAX_RUNS, Choice, Grid, List, Random, text_problems
 from sdt_drake.studies.fields import Field, Value, check_changes, find_field
 from sdt_drake.studies.table import is_column
 
 SAMPLINGS = ("random", "latin_hypercube")
 APPLY = ("value", "factor", "offset")
-_MOST = 2**64 - 1
+_MAX_INTEGER = 2**64 - 1
 
 
 @dataclass
 class Variable(Input):
-    """What varies in a study: one field of the scenario or several, and how."""
+    """A variable of a study: one or several fields of the scenario, and their distribution."""
 
     name: str = ""
-    """Of the column in the results; the first field by default."""
+    """Name of the column in the results; the first field by default."""
     fields: list[str] = setting([])
-    """Dotted names in the scenario ("plant.friction.coulomb", or "controller.kp[2]" for one
-    entry of a list); they all get the same draw. "controller" takes labels: "p_pi+id"."""
+    """Dotted names of scenario fields ("plant.friction.coulomb", or "controller.kp[2]" for one
+    entry of a list); all get the same draw. "controller" accepts labels: "p_pi+id"."""
     apply: Annotated[str, OneOf(APPLY)] = "value"
-    """The draw is the "value" of the field, a "factor" on what the base scenario has there, or
-    an "offset" to it. A list gets it in every entry."""
+    """Use of the draw: the "value" of the field, a "factor" on its value in the base scenario,
+    or an "offset" to it. In a list, every entry is changed."""
     distribution: Annotated[Random | Grid | List | Choice, Tagged()] = setting(None)
-    """Of the draws; must be given."""
+    """Distribution of the draws; must be given."""
 
     def __post_init__(self) -> None:
         self.name = self.name or next(iter(self.fields), "")
@@ -62,32 +62,34 @@ class Variable(Input):
             yield "distribution", "missing, expected !Uniform, !Normal, !Grid or the like"
             return
         if is_column(self.name):
-            yield "name", f"{self.name} is a column of the results"
+            yield "name", f"{self.name} is a column of the results, expected another name"
         yield from text_problems("name", self.name)
         for target in self.targets:
             is_text = target.type in (str, bool, ControllerChoice)
             if is_text != self.takes_texts:
-                yield "", f"{target.name} takes {'texts (!Choice)' if is_text else 'numbers'}"
+                kinds = ("numbers", "texts (!Choice)")
+                found, expected = kinds if is_text else reversed(kinds)
+                yield "", f"{target.name} gets {found}, expected {expected}"
             elif is_text and self.apply != "value":
-                yield "apply", f"{self.apply}, but {target.name} is no number"
+                yield "apply", f"{self.apply}, expected value, as {target.name} is not a number"
 
     @property
     def takes_texts(self) -> bool:
-        """Whether its values are texts rather than numbers."""
+        """True if the variable's values are texts rather than numbers."""
         return isinstance(self.distribution, Choice)
 
     @cached_property
     def targets(self) -> list[Field]:
-        """The fields of the scenario that the variable sets.
+        """The scenario fields that the variable changes.
 
         Raises:
-            InputError: for a name that no scenario has.
+            InputError: for an unknown name.
         """
         return [find_field(name) for name in self.fields]
 
     @property
     def examples(self) -> list[Value]:
-        """Some values of the variable; all if they are listed."""
+        """Values to check before a run: all listed ones, or else one."""
         if isinstance(self.distribution, Random):
             return self.distribution.quantile(np.array([0.5])).tolist()
         if isinstance(self.distribution, Grid):
@@ -95,10 +97,10 @@ class Variable(Input):
         return self.distribution.levels()
 
     def put(self, scenario: Scenario, value: Value) -> Scenario:
-        """Put a draw into a scenario, which is changed in place.
+        """Put a draw into a scenario, which is changed in place and returned.
 
         Raises:
-            InputError: for a value that the field does not take.
+            InputError: for a value that the field does not accept.
         """
         for target in self.targets:
             if target.type is ControllerChoice:
@@ -118,65 +120,72 @@ def _converted(value: Value, target: Field) -> Value | bool:
 
 @dataclass
 class Study(Input):
-    """Many variants of a scenario."""
+    """A study: many variants of one base scenario.
 
-    folder = Path()  # without a type: so it is no field
-    """Folder that files named by variables start from; where the study was loaded from."""
+    >>> frequency = Variable("omega", ["disturbance.omega_d"], "value", Grid(1, 3, 3))
+    >>> controller = Variable("", ["controller"], "value", Choice(["pi", "p_pi+id"]))
+    >>> study = Study(variables=[frequency, controller])
+    >>> len(study), study.inputs(5)
+    (6, {'omega': 3.0, 'controller': 'p_pi+id'})
+    """
+
+    folder = Path()  # unannotated, so that it is not a field of the dataclass
+    """Folder of the study's file. Relative paths in variables start here."""
 
     name: str = ""
-    """Short name; that of the file by default."""
+    """Short name; the name of the file by default."""
     scenario: Annotated[str, FileOf("scenario")] = ""
-    """File of the base, relative to the study's own folder, or the name of one that ships with
-    the package; must be given."""
-    draws: int = setting(1, ge=1, le=_MOST, unit="-")
-    """How many times the random variables are drawn; each draw is run with every combination of
-    the levels of the others, so that these can be compared in pairs."""
-    seed: int = setting(0, ge=0, le=_MOST, unit="-")
-    """Of the draws. A variable has the same draws whatever the others are."""
+    """Base scenario: a file relative to the study's folder, or the name of a shipped one; must
+    be given."""
+    draws: int = setting(1, ge=1, le=_MAX_INTEGER, unit="-")
+    """Number of draws of the random variables. Each draw is run with every combination of the
+    other variables' levels, which can so be compared in pairs."""
+    seed: int = setting(0, ge=0, le=_MAX_INTEGER, unit="-")
+    """Seed of the draws. The draws of a variable do not depend on the other variables."""
     sampling: Annotated[str, OneOf(SAMPLINGS)] = "random"
-    """"random", or "latin_hypercube": of each variable one draw in each of as many equally
-    likely intervals as there are draws."""
+    """Sampling of the draws: "random", or "latin_hypercube" with one draw in each of `draws`
+    equally likely intervals of every variable."""
     accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")
-    """Of the integrator, instead of that of the scenario: speeds are good to it."""
+    """Accuracy of simulated speeds, in place of the scenario's."""
     timeout: Positive = setting(300.0, unit="s")
-    """What a run may take before it is given up."""
+    """Longest computing time of a run; a longer run is stopped and counts as timed out."""
     pause: NotNegative = setting(0.0, unit="s")
-    """Rest between two runs of a motion, for the temperature of the windings; of use where the
-    base scenario has motors of a catalogue."""
+    """Rest between two runs of a motion, in which the windings cool. It has an effect only with
+    motors of a catalogue."""
     variables: list[Variable] = setting([])
-    """What varies; at least one."""
+    """Variables of the study; at least one."""
 
     def problems(self) -> Problems:
         yield from text_problems("name", self.name)
         if "/" in self.name or self.name in (".", ".."):
-            yield "name", f"{self.name}, expected one that a folder can have"
+            yield "name", f"{self.name}, expected the name of a folder"
         names = [variable.name for variable in self.variables]
         if not names:
             yield "variables", "none, expected at least one"
         for name in {name for name in names if names.count(name) > 1}:
-            yield "variables", f"two are named {name}"
+            yield "variables", f"{name} names two variables, expected a different name for each"
         yield from self._field_problems()
         if self.draws > 1 and not any(isinstance(v.distribution, Random) for v in self.variables):
-            yield "draws", f"{self.draws}, but no variable is random; remove"
-        if self._count > MOST_RUNS:
-            yield "variables", f"too many runs, expected at most {MOST_RUNS:,}"
+            yield "draws", f"{self.draws}, but no variable is random; remove draws"
+        if self._count > MAX_RUNS:
+            yield "variables", f"{self._count:.3g} runs, expected at most {MAX_RUNS:,}"
 
     def _field_problems(self) -> Problems:
-        """Of two draws for a field the last would win, and the first still be in the results."""
+        """Yield a problem for each field that two variables set."""
         owners: dict[tuple[str, ...], dict[int | None, str]] = {}
         for variable in self.variables:
             for target in (touched for name in variable.targets for touched in name.touched):
                 others = owners.setdefault(target.parts, {})
                 if others and (target.entry is None or {None, target.entry} & others.keys()):
                     names = " and ".join(dict.fromkeys([*others.values(), variable.name]))
-                    yield "variables", f"{target.name} gets two values, of {names}"
+                    yield "variables", f"{target.name} is set by {names}, expected one of them"
                 others[target.entry] = variable.name
 
     def validate(self, base: Scenario) -> None:
-        """Check everything that a study says, also that the base scenario has what varies.
+        """Check the study, also that its variables fit the base scenario.
 
         Raises:
-            InputError: naming the field and what would be right.
+            InputError: naming the field and what is accepted.
         """
         check(self)
         for i, variable in enumerate(self.variables):
@@ -188,7 +197,7 @@ class Study(Input):
 
     @property
     def replaced(self) -> list[str]:
-        """Fields whose values in the base scenario do not matter."""
+        """Names of the fields whose values in the base scenario have no effect."""
         targets = [t for v in self.variables if v.apply == "value" for t in v.targets]
         return [field.name for target in targets for field in target.touched]
 
@@ -197,12 +206,12 @@ class Study(Input):
 
     @property
     def _count(self) -> int:
-        """Of the runs; Python refuses a `len` of more than 63 bits."""
+        """The number of runs. Unlike `len` it may need more than 63 bits."""
         return self.draws * self.per_draw
 
     @property
     def per_draw(self) -> int:
-        """Runs of each draw: every combination of the levels."""
+        """Number of runs of each draw: all combinations of the levels."""
         return math.prod(one.size for one in self._not_random)
 
     @property
@@ -216,7 +225,7 @@ class Study(Input):
 
     @cached_property
     def _drawn(self) -> dict[str, Array]:
-        """Draws of the random variables by name, each of shape (draws,)."""
+        """Draws of the random variables by name, shape (draws,) each."""
         return {
             v.name: v.distribution.quantile(self._shares(v.name))
             for v in self.variables
@@ -224,6 +233,7 @@ class Study(Input):
         }
 
     def _shares(self, name: str) -> Array:
+        """Return the shares in [0, 1) of a variable's draws, shape (draws,)."""
         generator = np.random.default_rng([self.seed, zlib.crc32(name.encode())])
         if self.sampling == "random":
             return generator.random(self.draws)
@@ -232,7 +242,10 @@ class Study(Input):
         return qmc.LatinHypercube(1, rng=generator).random(self.draws)[:, 0]
 
     def inputs(self, row: int) -> dict[str, Value]:
-        """Value of each variable in a run, numbered from 0: level by level, then draw by draw."""
+        """Return the value of each variable in row number `row`, from 0.
+
+        Rows are sorted by draw, then by the levels of the other variables.
+        """
         draw, combination = divmod(row, self.per_draw)
         indices = np.unravel_index(combination, [len(values) for values in self._levels])
         chosen = (values[i] for values, i in zip(self._levels, indices, strict=True))
@@ -242,10 +255,10 @@ class Study(Input):
         }
 
     def scenario_of(self, base: Scenario, inputs: Mapping[str, Value]) -> Scenario:
-        """The base scenario with the inputs of a run in it.
+        """Return a copy of the base scenario with the inputs of a row.
 
         Raises:
-            InputError: for values that their fields do not take.
+            InputError: for values that their fields do not accept.
         """
         scenario = copy.deepcopy(base)
         scenario.accuracy = self.accuracy
@@ -257,10 +270,15 @@ class Study(Input):
 def load_study(
     path: str | Path, changes: Mapping[str, Any] | None = None, *, trust: bool = False
 ) -> tuple[Study, Scenario]:
-    """A study from YAML, and its base scenario, with arguments as of `load_scenario`.
+    """Load a study and its base scenario.
+
+    Args:
+        path: a file, or the name of a shipped study.
+        changes: values of scenario fields by dotted name, as in `load_scenario`.
+        trust: whether the Python file of a controller is run without a question.
 
     Raises:
-        InputError: with a line for each problem: file, field, and what would be right.
+        InputError: with a line for each problem: file, field, and what is accepted.
     """
     study, file = read_study(path)
     check_changes(changes or {}, ["accuracy", *study.replaced], file)
@@ -271,7 +289,7 @@ def load_study(
 
 
 def read_study(path: str | Path) -> tuple[Study, Path]:
-    """A study from YAML, without its base scenario, and its file.
+    """Load a study without its base scenario; return it and its file.
 
     Raises:
         InputError: as `load_study`.

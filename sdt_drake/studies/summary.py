@@ -1,8 +1,7 @@
-"""What thousands of runs say together: counts, percentiles, worst runs, and what matters.
+"""Statistics over the runs of a study: counts, percentiles, worst runs, sensitivities.
 
-Everything takes a StudyTable; for each controller on its own, take its `groups` first. In a
-study with paired draws (the same variants for each controller) the results of the parts can then
-be compared line by line.
+All functions accept a whole StudyTable or one of its `groups`, such as the runs of one controller.
+Each draw is run with every controller, so results of these groups can be compared in pairs.
 """
 
 from __future__ import annotations
@@ -20,47 +19,41 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
 
 PERCENTS = (5, 25, 50, 75, 95, 99, 100)
-"""Of the percentiles; the last is the largest."""
+"""Percentages of the percentiles in tables; 100 is the largest value."""
 
-_MOST_BINS = 50
-_FEWEST_RUNS = 10
-_FIFTH = 0.2
-_BLOCKS = 20  # of the jackknife
+_MAX_BINS = 50
+_MIN_DRAWS = 10  # minimum number of draws for a sensitivity
+_TAIL = 0.2  # share of the lowest and of the highest inputs in a tornado
+_BLOCKS = 20  # number of blocks in the jackknife
 
 
 # --- counts ----------------------------------------------------------------------------------
 
 
 class Reason(NamedTuple):
-    """Why some runs are not ok.
-
-    Attributes:
-        text: their reason; where they differ in numbers only, with an ellipsis for each number.
-        runs: how many.
-        row: number of the first of them.
-    """
+    """A reason for which runs are not ok."""
 
     text: str
+    """Text of the reason, with an ellipsis for each number that differs between the runs."""
     runs: int
+    """Number of runs."""
     row: int
+    """Number of the first of these rows."""
 
 
 class StatusCount(NamedTuple):
-    """Runs of one status.
-
-    Attributes:
-        status: one of STATUSES.
-        runs: how many.
-        reasons: the most frequent ones first.
-    """
+    """The runs of one status."""
 
     status: str
+    """One of STATUSES."""
     runs: int
+    """Number of runs."""
     reasons: list[Reason]
+    """Reasons of the status, the most frequent first."""
 
 
 def count_statuses(table: StudyTable, most_reasons: int = 3) -> list[StatusCount]:
-    """How many runs ended in which way, and why; statuses that no run has are left out."""
+    """Count the runs and the reasons of each status; statuses without runs are left out."""
     parts = {status: table.select(table.status == status) for status in STATUSES}
     return [
         StatusCount(status, len(part), _reasons(part)[:most_reasons])
@@ -70,10 +63,10 @@ def count_statuses(table: StudyTable, most_reasons: int = 3) -> list[StatusCount
 
 
 def failures(table: StudyTable) -> str:
-    """How many runs say nothing, and why, in a line; "" if all are done, and ok or infeasible."""
+    """Return one line on the runs without a result and the cause; "" if there are none."""
     texts = []
     if table.missing:
-        texts.append(f"{table.missing} of {len(table) + table.missing} runs are not done yet")
+        texts.append(f"{table.missing} of {len(table) + table.missing} runs are not finished")
     for status, runs, reasons in count_statuses(table, most_reasons=1):
         if status not in ANSWERS:
             why = f": {reasons[0].text} (row {reasons[0].row})" if reasons else ""
@@ -81,12 +74,12 @@ def failures(table: StudyTable) -> str:
     return "; ".join(texts)
 
 
-# Not the joint's: what happens to joint 1 and to joint 2 are two things.
+# Numbers of joints are not matched: the same event at joint 1 and at joint 2 is two reasons.
 _NUMBER = re.compile(r"(?<!joint )(?<![\w.])([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?!\w)")
 
 
 def _reasons(table: StudyTable) -> list[Reason]:
-    """Of the runs of a table, the most frequent first; different numbers make no other reason."""
+    """Return the reasons of the runs, most frequent first. Numbers in them may differ."""
     alike: dict[tuple[str, ...], list[int]] = {}
     pieces = [_NUMBER.split(str(text)) for text in table.reason]  # words, number, words, ...
     for i, words in enumerate(pieces):
@@ -100,7 +93,7 @@ def _reasons(table: StudyTable) -> list[Reason]:
 
 
 def _common(texts: Sequence[Sequence[str]]) -> str:
-    """One text for several that are as long: what differs is an ellipsis."""
+    """Merge texts of equal length into one, with an ellipsis for each part that differs."""
     return "".join(same[0] if len(set(same)) == 1 else "…" for same in zip(*texts, strict=True))
 
 
@@ -110,18 +103,18 @@ def _common(texts: Sequence[Sequence[str]]) -> str:
 def percentiles(
     table: StudyTable, outcome: str, percents: Sequence[float] | Array = PERCENTS
 ) -> Array:
-    """Percentiles of an outcome over the runs that are ok and have it, in its unit.
+    """Return percentiles of an outcome over the runs that are ok and have it, in its unit.
 
-    Each is the least value of a run that so many of the runs do not exceed, however few they are:
-    between runs nothing is known, and of ten runs 95 % are below none but the largest.
+    A percentile is the smallest value of a run that this share of the runs does not exceed. It is
+    not interpolated between runs: of ten runs, the 95th percentile is the largest value.
 
     Args:
-        table: of the study, or a part of it.
-        outcome: its name, or that of a family: of each run's worst joint.
+        table: the study, or a group of its runs.
+        outcome: name of an outcome, or of a family for the worst joint of each run.
         percents: between 0 and 100, shape (K,).
 
     Returns:
-        Shape (K,); NaN without such runs.
+        Percentiles, shape (K,); NaN if no run has the outcome.
     """
     values = values_of(table, outcome)
     if not len(values):
@@ -130,32 +123,29 @@ def percentiles(
 
 
 def usable(table: StudyTable, *outcomes: str) -> NDArray[np.bool_]:
-    """Which runs are ok and have a number for all of these outcomes, shape (N,)."""
+    """Return the mask of runs that are ok and have a number for all outcomes, shape (N,)."""
     return np.all([table.ok, *(np.isfinite(table.outcome(name)) for name in outcomes)], axis=0)
 
 
 def values_of(table: StudyTable, outcome: str) -> Array:
-    """An outcome of the runs that are ok and have it, in the unit of the table."""
+    """Return an outcome of the runs that are ok and have it, in its unit."""
     return table.outcome(outcome)[usable(table, outcome)]
 
 
 def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
-    """The runs with the largest values of an outcome, the worst first.
+    """Return the `count` runs with the largest values of an outcome, the worst first.
 
-    Args:
-        table, outcome: as in `percentiles`.
-        count: of the runs; fewer if there are not as many.
+    Equal runs stay in their order. Arguments are those of `percentiles`.
     """
     runs = table.select(usable(table, outcome))
-    # Stable: of equal runs the one that comes first.
     return runs.select(np.argsort(-runs.outcome(outcome), kind="stable")[:count])
 
 
-# --- what matters ----------------------------------------------------------------------------
+# --- sensitivities ---------------------------------------------------------------------------
 
 
 def varied(table: StudyTable) -> list[str]:
-    """Names of the inputs that differ between the runs."""
+    """Return the names of the inputs that differ between runs."""
     return [name for name, values in table.inputs.items() if _differ(values)]
 
 
@@ -167,21 +157,20 @@ def _differ(values: NDArray[Any]) -> bool:
 
 
 class Share(NamedTuple):
-    """A share of variance [-], and its standard error; NaN where nothing can be said."""
+    """A share of variance with its standard error; NaN if it cannot be estimated."""
 
     value: float
+    """Share of variance [-], at most 1."""
     error: float
+    """Standard error [-]."""
 
 
 def sensitivity(table: StudyTable, outcome: str) -> dict[str, Share]:
-    """How much of the variance of an outcome each input explains alone, the most first.
+    """Return the share of an outcome's variance that each input explains alone, largest first.
 
-    See `explained_share`; inputs that do not differ are left out. One that differs alone explains
-    all: runs have no chance in them but that of their inputs. What is missing from a sum of 1 comes
-    of inputs acting together, and of bins that are too wide.
-
-    Args:
-        table, outcome: as in `percentiles`.
+    See `explained_share`. Constant inputs are left out. A single varied input explains everything,
+    since runs are deterministic. The difference between the sum and 1 comes from interactions of
+    inputs and from the width of bins. Arguments are those of `percentiles`.
     """
     runs = table.select(usable(table, outcome))
     y = runs.outcome(outcome)
@@ -192,33 +181,34 @@ def sensitivity(table: StudyTable, outcome: str) -> dict[str, Share]:
 
 
 def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = None) -> Share:
-    """First-order sensitivity index: Var(E(y | x)) / Var(y), as the correlation ratio.
+    """Return the first-order sensitivity index Var(E(y | x)) / Var(y), as the correlation ratio.
 
-    The runs are put into groups of equal x: by level for texts and for numbers of few values, in
-    about sqrt(N) bins of equal count for others. The groups' means differ by chance alone, too;
-    this is taken off (epsilon squared: Kelley, PNAS 21, 1935, p. 554), so that an input without
-    influence gives 0 on average, and may give a little less:
+    Runs are grouped by x: by level for texts and for numbers with few values, otherwise in about
+    sqrt(N) bins of equal count. Group means also differ by chance. That part is subtracted
+    (epsilon squared: Kelley, PNAS 21, 1935, p. 554), so that an input without influence gives 0 on
+    average; a single estimate may be slightly negative:
 
         (SS_between - (groups - 1) MS_within) / SS_total
 
-    Runs of one draw, each with other levels of the other inputs, are one sample of an input that is
-    drawn, not several: MS_within is that of the means of the draws. With runs instead, each draw
-    would make its own values of all inputs look as if they mattered. Where nothing is drawn and
-    every level of x is there equally often, as in a full grid, nothing differs by chance: then
-    nothing is taken off, and there is no error.
+    Several runs of one draw, with other levels of the other inputs, are one sample of a drawn
+    input. So MS_within is computed from the means of the draws. A full grid, without draws and with
+    every level of x equally often, has no chance: nothing is subtracted, and the error is 0.
 
-    Its standard error is that of the jackknife, with twenty blocks of draws left out in turn
-    (Miller, Biometrika 61, 1974, p. 1).
+    The standard error comes from a jackknife over twenty blocks of draws (Miller, Biometrika 61,
+    1974, p. 1).
 
     Args:
-        x: the input, numbers or texts, shape (N,); runs without a finite number are left out.
+        x: the input, numbers or texts, shape (N,); runs with NaN or infinity are left out.
         y: the outcome, finite, shape (N,).
-        draw: number of the draw of each run, shape (N,); of an x that differs within draws, and by
-            default, each run is one.
+        draw: number of the draw of each run, shape (N,). By default, and if x differs within a
+            draw, every run is a draw of its own.
 
     Returns:
-        At most 1; NaN where y does not vary, or each draw has its own group; but for a full grid,
-        for fewer than 10 draws.
+        The share; NaN if y is constant, every draw has its own group, or there are fewer than 10
+        draws (except in a full grid).
+
+    >>> explained_share(np.array([0, 0, 1, 1]), np.array([0.0, 2.0, 6.0, 8.0]), np.zeros(4, int))
+    Share(value=0.9, error=0.0)
     """
     if is_text(x):
         x = x.astype(str)
@@ -232,9 +222,9 @@ def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = 
             return Share(float(np.var(np.bincount(group, y) / runs) / np.var(y)), 0.0)
         first = own = np.arange(len(y))
     group, count = _groups(x[first])
-    if len(first) < _FEWEST_RUNS or count == len(first) or not _varies(y):
+    if len(first) < _MIN_DRAWS or count == len(first) or not _varies(y):
         return Share(np.nan, np.nan)
-    # Sums of each group, a row, over all draws but those of a block, a column; but none at first.
+    # Sums by group (row) and block of draws (column); column 0, for all draws, has no block.
     block = 1 + np.random.default_rng(0).permutation(len(first)) % _BLOCKS
     y, size = y - y.mean(), (count, 1 + _BLOCKS)
     runs, sums, squares = (np.bincount(own, of) for of in (y**0, y, y**2))
@@ -248,8 +238,15 @@ def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = 
 
 
 def _ratio(draws: Array, runs: Array, sums: Array, squares: Array, of_means: Array) -> Array:
-    """Epsilon squared, of each column of numbers of draws and of runs, sums and sums of squares of
-    runs, and those with the mean of its draw for each run, of the groups."""
+    """Return epsilon squared of each column, from sums over the runs of each group (row).
+
+    Args:
+        draws: number of draws.
+        runs: number of runs.
+        sums: sum of y.
+        squares: sum of y².
+        of_means: sum of squares with the mean of its draw in place of each y.
+    """
     n, groups = draws.sum(axis=0), (draws > 0).sum(axis=0)
     means = np.divide(sums, runs, out=np.zeros_like(sums), where=runs > 0)
     of_groups, of_all = (sums * means).sum(axis=0), sums.sum(axis=0) ** 2 / runs.sum(axis=0)
@@ -259,50 +256,44 @@ def _ratio(draws: Array, runs: Array, sums: Array, squares: Array, of_means: Arr
 
 
 def _varies(y: Array) -> bool:
-    """Rounding leaves something of the variance of equal numbers."""
+    """Return whether y varies by more than round-off."""
     return len(y) > 0 and bool(np.var(y) > (1e-12 * np.abs(y).max()) ** 2)
 
 
 def _groups(x: NDArray[Any]) -> tuple[NDArray[np.int64], int]:
-    """Number of the group of each run, shape (N,), and how many groups there are."""
+    """Return the number of each run's group, shape (N,), and the number of groups."""
     levels, group = np.unique(x, return_inverse=True)
-    bins = min(_MOST_BINS, round(np.sqrt(len(x))))
+    bins = min(_MAX_BINS, round(np.sqrt(len(x))))
     if not is_text(x) and len(levels) > bins:
         edges = np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1])
-        # Equal numbers are in the same bin; some bins then stay empty.
+        # Equal numbers get into the same bin, so that some bins may be empty.
         levels, group = np.unique(np.searchsorted(edges, x, side="right"), return_inverse=True)
     return group, len(levels)
 
 
 @dataclass(frozen=True)
 class TornadoSwing:
-    """How far one input moves the mean of an outcome.
-
-    Attributes:
-        name: of the input.
-        low, high: the mean where the input is in its lowest and in its highest fifth; for texts
-            the lowest and the highest mean of a level, in the unit of the outcome.
-        low_level, high_level: these levels; "" for numbers.
-    """
+    """The change of an outcome's mean over the range of one input."""
 
     name: str
+    """Name of the input."""
     low: float
+    """Mean in the lowest fifth of a numeric input, or the lowest mean of a level of texts."""
     high: float
+    """Mean in the highest fifth of a numeric input, or the highest mean of a level of texts."""
     low_level: str = ""
+    """Level with the lowest mean; "" for numbers."""
     high_level: str = ""
+    """Level with the highest mean; "" for numbers."""
 
     @property
     def width(self) -> float:
-        """How far apart the two means are."""
+        """Distance between the two means, in the unit of the outcome."""
         return abs(self.high - self.low)
 
 
 def tornado(table: StudyTable, outcome: str) -> list[TornadoSwing]:
-    """How far each input moves the mean of an outcome, the farthest first.
-
-    Args:
-        table, outcome: as in `percentiles`.
-    """
+    """Return the swing of each input, the widest first. Arguments are those of `percentiles`."""
     runs = table.select(usable(table, outcome))
     y = runs.outcome(outcome)
     swings = [_swing(name, runs.inputs[name], y) for name in varied(runs)]
@@ -315,5 +306,5 @@ def _swing(name: str, x: NDArray[Any], y: Array) -> TornadoSwing:
         means = {level: float(y[texts == level].mean()) for level in levels_of(x)}
         low, high = min(means, key=means.__getitem__), max(means, key=means.__getitem__)
         return TornadoSwing(name, means[low], means[high], low, high)
-    low, high = np.nanquantile(x, [_FIFTH, 1 - _FIFTH])
+    low, high = np.nanquantile(x, [_TAIL, 1 - _TAIL])
     return TornadoSwing(name, float(y[x <= low].mean()), float(y[x >= high].mean()))

@@ -15,116 +15,110 @@ from sdt_drake.io.arrays import Array
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 
 ANSWERS = ("ok", "infeasible")
-"""Of these: what says something about the device."""
+"""Statuses that are a result about the device."""
 
 RUN_COLUMNS = ("row", "status", "reason", "duration")
-"""Of every study; beside its inputs and its outcomes."""
+"""Columns that every study has beside its inputs and outcomes."""
 
 ALL_RUNS = "all runs"
 
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a run.
-
-    Attributes:
-        number: from 0.
-        status: one of STATUSES.
-        reason: one line; "" where it is ok.
-        duration: of the computation [s].
-        outcomes: in the order of `outcomes.outcome_names`; empty where it is not ok.
-    """
+    """A row of a study: the result of one run."""
 
     number: int
+    """Number of the row, from 0."""
     status: str
+    """One of STATUSES."""
     reason: str
+    """Reason of the status in one line; "" if it is ok."""
     duration: float
+    """Computing time [s]."""
     outcomes: tuple[float, ...]
+    """Outcomes in the order of `outcomes.outcome_names`; empty unless the status is ok."""
 
 
-_CONTROLLER = ("controller", "controller.kind")  # inputs whose levels speak for themselves
-_MOST_GROUPS = 8  # that figures can tell apart
+_CONTROLLER = ("controller", "controller.kind")  # inputs whose levels need no explanation
+_MAX_GROUPS = 8  # groups that a figure can show
 
 
 @dataclass(frozen=True, eq=False)
 class StudyTable:
-    """N runs: what went in, and what came out.
-
-    Attributes:
-        name: of the study.
-        row: number of each run, shape (N,).
-        inputs: by name of the variable: numbers or texts, shape (N,).
-        outcomes: by name, joint k = 1..n at its end, shape (N,); NaN where a run has none. See
-            `METRICS` for the names; angles are in rad and shares between 0 and 1.
-        status: one of STATUSES, shape (N,).
-        reason: why a run is not ok, "" where it is, shape (N,).
-        duration: of the computation [s], shape (N,).
-        choices: names of the inputs that a designer chooses; the others are what designs have to
-            stand. None if these are drawn at random: then designs have met different things.
-        per_draw: runs of each draw of the random inputs, one after the other by `row`.
-        missing: runs of the study that are not done yet.
-    """
+    """Inputs and outcomes of N runs of a study."""
 
     name: str
+    """Name of the study."""
     row: NDArray[np.int64]
+    """Number of each run's row, shape (N,)."""
     inputs: dict[str, NDArray[Any]]
+    """Numbers or texts by name of the variable, shape (N,) each."""
     outcomes: dict[str, Array]
+    """Outcomes by name, which ends with _k for joint k = 1..n, shape (N,) each; NaN where a run has
+    none. `METRICS` has the names; angles are in rad, shares between 0 and 1."""
     status: NDArray[np.str_]
+    """One of STATUSES for each run, shape (N,)."""
     reason: NDArray[Any]
+    """Reason of each run's status, "" if it is ok, shape (N,)."""
     duration: Array
+    """Computing times [s], shape (N,)."""
     choices: tuple[str, ...] | None = None
+    """Names of the inputs that a designer chooses; the others are uncertain. None if uncertain
+    inputs are drawn at random, since designs can then not be compared."""
     per_draw: int = 1
+    """Number of successive rows of each draw of the random inputs."""
     missing: int = 0
+    """Number of runs that are not finished."""
 
     def __len__(self) -> int:
         return len(self.row)
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Which runs are ok, shape (N,)."""
+        """Mask of the runs that are ok, shape (N,)."""
         return self.status == "ok"
 
     @property
     def draw(self) -> NDArray[np.int64]:
-        """Number of the draw of each run, shape (N,)."""
+        """Number of each run's draw, shape (N,)."""
         return self.row // self.per_draw
 
     @property
     def families(self) -> list[str]:
-        """Names of the outcomes without their joints, in the order of the table."""
+        """Names of the outcomes without numbers of joints, in the order of the table."""
         return list(dict.fromkeys(family_of(name)[0] for name in self.outcomes))
 
     def joints(self, family: str) -> list[int]:
-        """The joints k = 1..n that an outcome is there for; none for one of the whole device."""
+        """Return the joints k = 1..n that have an outcome; [] for one of the whole device."""
         both = map(family_of, self.outcomes)
         return sorted(k for stem, k in both if stem == family and k is not None)
 
     def outcome(self, name: str) -> Array:
-        """An outcome, shape (N,); for the name of a family, that of each run's worst joint."""
+        """Return an outcome, shape (N,); for a family, the one of each run's worst joint."""
         joints = self.joints(name)
         if not joints:
             return self.outcomes[name]
-        # fmax leaves NaN out, and gives NaN where no joint has a number.
+        # fmax ignores NaN unless all joints have NaN.
         return np.fmax.reduce([self.outcomes[f"{name}_{k}"] for k in joints])
 
     def worst_joint(self, family: str) -> NDArray[np.int64]:
-        """Joint k = 1..n with the largest value of a family in each run, shape (N,).
+        """Return the joint k = 1..n with the largest value of a family in each run, shape (N,).
 
-        Only for families that have joints, and runs that have a number.
+        The family must have joints, and every run a number for it.
         """
         joints = self.joints(family)
         values = np.stack([self.outcomes[f"{family}_{k}"] for k in joints])
         return np.array(joints)[np.argmax(np.nan_to_num(values, nan=-np.inf), axis=0)]
 
     def place(self, name: str) -> str:
-        """Where an outcome is: "joint 2", "worst joint" for a family, "" for the whole device."""
+        """Return an outcome's place: "joint 2", "worst joint" for a family, "" for the device."""
         joint = family_of(name)[1]
         if joint is not None:
             return f"joint {joint}"
         return "worst joint" if self.joints(name) else ""
 
     def select(self, runs: NDArray[np.bool_] | NDArray[np.int64]) -> StudyTable:
-        """The table of some runs: their mask, shape (N,), or their indices."""
+        """Return the table of some runs, given by a mask of shape (N,) or by indices."""
         return replace(
             self,
             inputs={name: values[runs] for name, values in self.inputs.items()},
@@ -134,16 +128,21 @@ class StudyTable:
 
     @cached_property
     def by(self) -> str | None:
-        """The text input whose levels are best told apart: the controller, or else the first of
-        few levels; None if there is no such input."""
+        """Name of the text input that groups the runs; None if there is none.
+
+        It is the controller, or else the first input with 2 to 8 levels.
+        """
         levels = {name: levels_of(x) for name, x in self.inputs.items() if is_text(x)}
-        names = (name for name, own in levels.items() if 1 < len(own) <= _MOST_GROUPS)
+        names = (name for name, own in levels.items() if 1 < len(own) <= _MAX_GROUPS)
         return min(names, key=lambda name: not name.startswith("controller"), default=None)
 
     @cached_property
     def group(self) -> NDArray[np.str_]:
-        """Name of the group of each run, shape (N,): its level of the input `by`, with what that is
-        unless it is the controller: "anti_windup true"; ALL_RUNS without such an input."""
+        """Name of each run's group, shape (N,); ALL_RUNS without `by`.
+
+        It is the level of the input `by`, such as "pi", or "anti_windup true" for other inputs than
+        the controller.
+        """
         if self.by is None:
             return np.full(len(self), ALL_RUNS)
         levels, what = self.inputs[self.by].astype(str), self.by.rpartition(".")[2]
@@ -151,18 +150,23 @@ class StudyTable:
 
     @cached_property
     def groups(self) -> dict[str, StudyTable]:
-        """A table for each `group`, by its name."""
+        """Tables of the groups, by name of the `group`."""
         if self.by is None:
             return {ALL_RUNS: self}
         return {name: self.select(self.group == name) for name in levels_of(self.group)}
 
     def designs(self, *outcomes: str) -> tuple[NDArray[np.int64], list[Array]]:
-        """Each design by its first run, and the largest of each outcome over its runs, shape (D,).
+        """Return the first run of each accepted design, and the design's largest outcomes.
 
-        Accepted designs only: all of their runs are ok, and have these outcomes.
+        A design is a combination of the inputs in `choices`. It is accepted if all of its runs are
+        ok and have these outcomes.
 
         Args:
-            outcomes: names; of a family for that of the worst joint.
+            outcomes: names of outcomes, or of families for the worst joint.
+
+        Returns:
+            Indices of the first runs, shape (D,), and for each outcome the largest value over a
+            design's runs, shape (D,).
         """
         runs: dict[tuple[Any, ...], list[int]] = {}
         columns = [self.inputs[name].tolist() for name in self.choices or ()]
@@ -176,34 +180,36 @@ class StudyTable:
 
 
 def is_column(name: str) -> bool:
-    """Whether a column of the results has this name, so that no input may."""
+    """Return whether the results have a column of this name, which then no input may have."""
     return name in RUN_COLUMNS or family_of(name)[0] in METRICS
 
 
 def is_text(values: NDArray[Any]) -> bool:
-    """Whether an input is one of texts; truth values count as such."""
+    """Return whether an input consists of texts; truth values count as texts."""
     return values.dtype.kind not in "iuf"
 
 
 def levels_of(values: NDArray[Any]) -> list[str]:
-    """The different texts of an input, in the order in which they come."""
+    """Return the different texts of an input in the order of the runs."""
     return list(dict.fromkeys(map(str, values.tolist())))
 
 
 def pareto(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
-    """Which points no other point beats: at most as much of both, and less of one (Pareto front).
+    """Return the mask of the Pareto front: points that no other point dominates, shape (N,).
 
-    Of equal points all are kept, or none. A point with NaN is never kept and beats nothing.
+    A point dominates if it has less of one quantity and not more of the other. So equal points are
+    on the front together. Points with NaN are never on it and dominate nothing.
 
     Args:
-        cost, error: of each point, shape (N,).
+        cost: first quantity, shape (N,).
+        error: second quantity, shape (N,).
 
-    Returns:
-        Shape (N,).
+    >>> pareto([1, 2, 2, 3], [9, 4, 5, 4]).tolist()
+    [True, True, False, False]
     """
     points = np.column_stack([cost, error]).astype(float)
     front = ~np.isnan(points).any(axis=1)
-    # Different points by cost, then by error; each against the least error before it.
+    # Different points, sorted by cost, then error: each against the smallest error before it.
     known, of_point = np.unique(points[front], axis=0, return_inverse=True)
     least = np.minimum.accumulate(np.append(np.inf, known[:, 1]))
     front[front] = (known[:, 1] < least[:-1])[of_point.ravel()]

@@ -1,4 +1,4 @@
-"""What the runs of a sizing say: which motors are enough, with which controller."""
+"""Verdicts of a sizing: the motors that meet the requirements, for each controller."""
 
 from __future__ import annotations
 
@@ -16,53 +16,50 @@ from sdt_drake.io.shown import listed
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
 from sdt_drake.studies.table import ANSWERS, StudyTable, pareto
 
-_DECIMALS = 3  # of a speed error [rad/s]: as far as a study knows it
-_ROUND_OFF = 1e-9  # of an outcome; the planner uses limits to the full
+_DECIMALS = 3  # decimals of a speed error [rad/s]; the accuracy of a study
+_ROUND_OFF = 1e-9  # allowed excess of an outcome: the planner uses limits fully
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A candidate with a controller, over all motions.
-
-    Attributes:
-        candidate: what it is.
-        controller: its label.
-        mass: of all motors, that of joint 1 too [kg].
-        error: largest speed error of any joint in any motion [rad/s]; NaN if a run is missing.
-        worst: largest value of each required outcome, and the motion in which it is.
-        used: the same values over their limits [-]; inf where nothing is allowed and something is.
-        missed: requirements that are not kept, what matters first; empty if all are.
-        beyond: names of the outcomes that are not kept, and motions that cannot be done.
-        judged: whether every motion has a run that says something: ok, or infeasible.
-    """
+    """The verdict on a candidate with a controller, over all motions."""
 
     candidate: Candidate
+    """The motor set and its structure."""
     controller: str
+    """Label of the controller."""
     mass: float
+    """Mass of the motors of all joints [kg]."""
     error: float
+    """Largest speed error of any joint in any motion [rad/s]; NaN if a run is missing."""
     worst: dict[str, tuple[float, str]]
+    """Largest value of each required outcome, and the motion in which it occurs."""
     used: dict[str, float]
+    """Largest value of each outcome over its limit [-]; inf if a limit of 0 is exceeded."""
     missed: tuple[str, ...]
+    """Texts of the requirements that are not met, the most important first."""
     beyond: tuple[str, ...]
+    """Names of the outcomes beyond their limits, and of motions that cannot be done."""
     judged: bool
+    """True if every motion has a result: a run that is ok or infeasible."""
 
     @property
     def feasible(self) -> bool:
-        """Whether all requirements are kept."""
+        """True if all requirements are met."""
         return not self.missed
 
     def tightest(self, joint: int) -> str:
-        """The outcome of joint number `joint`, from 1, that is nearest to its limit."""
+        """Return the name of the outcome nearest to its limit; joints are counted from 1."""
         own = {name: share for name, share in self.used.items() if family_of(name)[1] == joint}
         return max(own, key=own.__getitem__)
 
 
 def judge_candidates(sizing: Sizing, table: StudyTable) -> list[Verdict]:
-    """Hold every candidate with every controller against the requirements, over all motions.
+    """Compare every candidate with the requirements, over all motions and for each controller.
 
     Args:
-        sizing: as it was run.
-        table: of `sizing.study()`; it need not be complete.
+        sizing: the sizing that was run.
+        table: runs of `sizing.study()`; some may be missing.
     """
     mass = sizing.masses
     names = [*(f"motor_{k + 1}" for k in range(sizing.n)), "structure_scale"]
@@ -85,7 +82,7 @@ def _verdict(
     mass: dict[str, float],
     rows: dict[str, int],
 ) -> Verdict:
-    """Of the rows of a candidate with a controller, by motion."""
+    """Return the verdict from the rows of a candidate with a controller, by motion."""
     limits = sizing.requirements.limits(sizing.n)
     missed, beyond = [], []
     for motion in sizing.motions:
@@ -104,14 +101,14 @@ def _verdict(
             motion = max(values, key=lambda m: (math.isnan(values[m]), values[m]))
             worst[name] = values[motion], motion
             used[name] = _share(values[motion], limit)
-            if not values[motion] <= limit + _ROUND_OFF:  # nor is NaN
+            if not values[motion] <= limit + _ROUND_OFF:  # true for NaN, too
                 missed.append(_missed(name, *worst[name], limit))
                 beyond.append(name)
     errors = [table.outcome("max_abs_speed_error")[i] for i in ran.values()]
     return Verdict(
         candidate=candidate,
         controller=controller,
-        mass=math.fsum(mass[id_] for id_ in candidate.motors),  # the same in any order
+        mass=math.fsum(mass[id_] for id_ in candidate.motors),  # exact in any order of motors
         error=float(max(errors)) if len(ran) == len(sizing.motions) else math.nan,
         worst=worst,
         used=used,
@@ -131,17 +128,17 @@ def _missed(name: str, value: float, motion: str, limit: float) -> str:
     metric, joint = metric_of(name), family_of(name)[1]
     of_joint = f" of joint {joint}" if joint else ""
     number, most = (f"{metric.factor * x:.4g}" for x in (value, limit))
-    return f"{metric.title}{of_joint} is {number} {metric.unit} in {motion}, at most {most} allowed"
+    return f"{metric.title}{of_joint} is {number} {metric.unit} in {motion}, allowed is {most}"
 
 
 # --- recommendations -------------------------------------------------------------------------
 
 
 def front_of(verdicts: Sequence[Verdict]) -> NDArray[np.bool_]:
-    """Which verdicts are on the Pareto front of motor mass against speed error, shape (N,).
+    """Return the mask of verdicts on the Pareto front of motor mass and speed error, shape (N,).
 
-    Each controller has its own front, of the candidates that keep all requirements with it; errors
-    are compared as exactly as they are known.
+    Each controller has its own front, of the candidates that meet all requirements with it. Errors
+    are rounded to 0.001 rad/s, the accuracy of a study.
     """
     mass = np.array([v.mass for v in verdicts])
     errors = np.round([v.error if v.feasible else math.nan for v in verdicts], _DECIMALS)
@@ -153,9 +150,9 @@ def front_of(verdicts: Sequence[Verdict]) -> NDArray[np.bool_]:
 
 
 def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:
-    """The lightest motor set that keeps all requirements with this controller; None if none does.
+    """Return the lightest motor set that meets all requirements with a controller; None if none.
 
-    Of equally light ones that in the lightest structure, then that with the smallest error.
+    Among equally light ones the lightest structure is preferred, then the smallest error.
     """
     return min(
         (v for v in verdicts if v.controller == controller and v.feasible),
@@ -165,10 +162,10 @@ def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:
 
 
 def nearest(verdicts: Sequence[Verdict], controller: str) -> Verdict:
-    """The candidate that misses the fewest requirements; of several the lightest.
+    """Return the candidate that misses the fewest requirements; among several the lightest.
 
-    One of those that are judged, and of these one that can do all motions, if there are any: of
-    what cannot do a motion, most requirements were never asked.
+    Judged candidates are preferred, and among them those that can do all motions: without a
+    motion, most requirements are not tested.
     """
 
     def distance(v: Verdict) -> tuple[float, ...]:
@@ -181,32 +178,50 @@ def nearest(verdicts: Sequence[Verdict], controller: str) -> Verdict:
 def lightest_motor(
     sizing: Sizing, verdicts: Sequence[Verdict], controller: str, joint: int
 ) -> str | None:
-    """The lightest motor of a joint (from 1) in any motor set that keeps all requirements."""
+    """Return the lightest motor of a joint (from 1) in any feasible set; None if none is."""
     own = (v.candidate.motors for v in verdicts if v.controller == controller and v.feasible)
     return min((ids[joint - 1] for ids in own), key=sizing.masses.__getitem__, default=None)
 
 
 def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
-    """The result for people: a recommendation for each controller, then joint by joint."""
+    """Return the result as text: the answer, each controller's recommendation, then each joint."""
     return [
+        _answer_line(sizing, verdicts),
         *(line for label in sizing.controllers for line in _controller_lines(verdicts, label)),
         *(_joint_line(sizing, verdicts, k + 1) for k in range(sizing.n)),
     ]
+
+
+def _answer_line(sizing: Sizing, verdicts: Sequence[Verdict]) -> str:
+    """Return the lightest motors with any controller as a sentence."""
+    found = [best for label in sizing.controllers if (best := recommend(verdicts, label))]
+    if not found:
+        return (
+            "No motor set meets the requirements: try stronger motors, or allow more."
+            if all(v.judged for v in verdicts)
+            else "No motor set is known to meet the requirements, as runs failed."
+        )
+    best = min(found, key=lambda v: v.mass)
+    labels = listed([v.controller for v in found if v.candidate == best.candidate])
+    return (
+        f"The lightest motors that meet all requirements weigh {best.mass:g} kg: "
+        f"{best.candidate}, with {labels}."
+    )
 
 
 def _controller_lines(verdicts: Sequence[Verdict], controller: str) -> list[str]:
     best = recommend(verdicts, controller)
     judged = [v.judged for v in verdicts if v.controller == controller]
     out = judged.count(False)
-    note = f"; {out} of {len(judged)} candidates cannot be judged, their runs failed" if out else ""
+    note = f"; {out} of {len(judged)} candidates cannot be judged, as runs failed" if out else ""
     if best is None:
         near = nearest(verdicts, controller)
-        said = (
+        text = (
             f"no motor set meets the requirements; the nearest, {near.candidate}, misses "
             f"{len(near.missed)}{note}"
         )
         return [
-            f"with {controller} {said if any(judged) else 'no motor set can be judged'}",
+            f"with {controller}: {text if any(judged) else 'no motor set can be judged'}",
             *(f"  {text}" for text in near.missed[:3]),
         ]
     return [
@@ -219,27 +234,26 @@ def _margin_text(verdict: Verdict, joint: int) -> str:
     name = verdict.tightest(joint)
     _, motion = verdict.worst[name]
     return (
-        f"joint {joint} {verdict.candidate.motors[joint - 1]}: tightest is "
-        f"{metric_of(name).title}, {100 * verdict.used[name]:.0f} % of what is allowed, "
-        f"in {motion}"
+        f"joint {joint} {verdict.candidate.motors[joint - 1]}: nearest limit is "
+        f"{metric_of(name).title}, {100 * verdict.used[name]:.0f} % used in {motion}"
     )
 
 
 def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
-    """Which motor is enough, for which controllers, and whether in the lightest motor set."""
+    """Return the lightest motor of a joint for each controller, as a sentence."""
     mass = sizing.masses
     labels_of: dict[tuple[float, str], list[str]] = {}
     for label in sizing.controllers:
         id_, best = lightest_motor(sizing, verdicts, label, joint), recommend(verdicts, label)
         if id_ is not None and best is not None:
             own = best.candidate.motors[joint - 1]
-            said = own if mass[id_] == mass[own] else f"{id_} (beside heavier ones elsewhere)"
-            labels_of.setdefault((-mass[id_], said), []).append(label)
+            text = own if mass[id_] == mass[own] else f"{id_} (with heavier motors elsewhere)"
+            labels_of.setdefault((-mass[id_], text), []).append(label)
     if not labels_of:
         known = "meets" if all(v.judged for v in verdicts) else "is known to meet"
         return f"joint {joint}: no controller {known} the requirements"
     *heavier, (last, labels) = sorted(labels_of.items())
-    parts = [f"with {listed(own)} it needs {said}" for (_, said), own in heavier]
+    parts = [f"with {listed(own)} it needs {text}" for (_, text), own in heavier]
     parts.append(f"with {listed(labels)} {last[1]} is enough")
     return f"joint {joint}: {', '.join(parts)}"
 
@@ -248,7 +262,7 @@ def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
 
 
 def write_verdicts(verdicts: Sequence[Verdict], path: str | Path) -> None:
-    """Write all candidates with all controllers as CSV: the worst of all motions, full precision.
+    """Write a CSV row for each candidate and controller: the worst of all motions, full precision.
 
     Raises:
         InputError: if the file cannot be written.

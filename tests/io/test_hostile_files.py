@@ -359,5 +359,5 @@ def test_a_study_computes_nothing(statements, tmp_path):
     base = sqlite3.connect(tmp_path / DATABASE)
     base.executescript(statements)
     base.close()
-    with pytest.raises(InputError, match="holds more than two tables of values"):
+    with pytest.raises(InputError, match="more than two tables of values"):
         Store(tmp_path)

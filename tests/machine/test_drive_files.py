@@ -253,8 +253,8 @@ def test_how_far_a_cam_is_off_is_told_of_all_its_cycles(robot, tmp_path):
     [
         ({"increments": [2**32] * 4}, "joint 1 'planetary' at .* s: position of .* increments"),
         ({"zero": [0, 2**32, 0, 0]}, "joint 2 'roll' at 0.000 s: position of"),
-        ({"rated_torque": [0.01, 1e3, 1e3, 1e3]}, "per mille .*, its drive takes 32767"),
-        ({"maximum_torque": [1e4, 1e4, 1e4, 1.0]}, "joint 4 'yaw' .* torque of .* takes 1$"),
+        ({"rated_torque": [0.01, 1e3, 1e3, 1e3]}, "per mille .*, its drive accepts 32767"),
+        ({"maximum_torque": [1e4, 1e4, 1e4, 1.0]}, "joint 4 'yaw' .* torque of .* accepts 1$"),
     ],
 )
 def test_what_a_drive_cannot_take_is_refused(robot, motion, fields, told):
@@ -268,7 +268,7 @@ def test_what_a_drive_does_not_read_may_be_beyond_its_bits(robot, motion):
     samples, unread = samples_of(robot, motion, 0.001), [["607Ah"], ["60FFh"]] * 2
     rated = {"rated_torque": [1e-3, 1e3, 1e3, 1e3]}
     set_points(robot, drives_with(objects=unread, zero=[0, 2**32, 0, 0], **rated), samples)
-    with pytest.raises(InputError, match=r"joint 1 .* torque of .*, its drive takes 1000$"):
+    with pytest.raises(InputError, match=r"joint 1 .* torque of .*, its drive accepts 1000$"):
         set_points(robot, drives_with(objects=unread, maximum_torque=[1e-3] * 4, **rated), samples)
 
 

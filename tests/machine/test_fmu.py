@@ -148,7 +148,7 @@ def test_bad_input_is_an_error_with_a_text(by_reference, capfd):
             fmu.put(name, np.zeros(4))
         fmu.step()  # it goes on
     for start, parameters, text in (
-        (1.0, {}, "start time 1 s, expected 0: a run starts with its motion"),
+        (1.0, {}, "start time 1 s, expected 0"),
         (0.0, {"q_start": [np.nan] * 4}, "q_start: [nan, nan, nan, nan], expected finite numbers"),
         (0.0, {"viscous_friction": [-1.0] * 4}, "viscous[1]: -1.0, expected a number >= 0"),
     ):
@@ -212,7 +212,9 @@ def test_code_of_a_file_is_refused(designed, tmp_path):
     design = designed("coupled_pi")
     design.scenario.controller.file = "own.py"
     try:
-        with pytest.raises(InputError, match=r"^controller.file: own.py, code that no FMU runs"):
+        with pytest.raises(
+            InputError, match=r"^controller.file: own.py, but an FMU runs no such code"
+        ):
             write_fmu(design, tmp_path / "x.fmu")
     finally:
         design.scenario.controller.file = ""

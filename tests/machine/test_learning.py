@@ -198,7 +198,7 @@ def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
     unknown.controller.omega_r = None
     perfect = LoopSet("perfect", (np.tile(np.eye(4), (POINTS, 1, 1)),), np.zeros((1, 4)))
     by_samples = design_filter(replace(rigid, scenario=unknown), [perfect], "reference")
-    assert by_samples.bandwidth[0] == (pytest.approx(100 * np.pi), "the period of the samples")
+    assert by_samples.bandwidth[0] == (pytest.approx(100 * np.pi), "the sample period")
     with pytest.raises(InputError, match="--bandwidth: 100 Hz"):
         design_filter(rigid, loops_of(rigid, "reference"), "reference", bandwidth=200 * np.pi)
 
@@ -246,7 +246,7 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
     careful = copy.deepcopy(design.scenario)
     careful.torque_margin = 0.5
     step = next_step(replace(design, scenario=careful), filter_, 100 * first.seen)
-    assert "available" in step.limit and step.note == f"torque cut off, {step.limit}"
+    assert "available" in step.limit and step.note == f"torque clipped: {step.limit}"
     most = np.abs(step.learned.torque) / design.nominal.motor_torque_limit
     assert most.max() == pytest.approx(0.5)
 
@@ -270,8 +270,8 @@ def test_it_stops_where_another_flight_is_not_worth_it():
     whole = SimpleNamespace(share=1.0, limit="")
     assert reason_to_stop(flights(1.0), []) == ""
     assert reason_to_stop(flights(1.0, 0.5), [whole]) == ""
-    assert "nobody feels" in reason_to_stop(flights(1.0, felt=0.0), [])
-    assert "less than 5 %" in reason_to_stop(flights(1.0, 0.5, 0.49), [whole] * 2)
+    assert "cannot be felt" in reason_to_stop(flights(1.0, felt=0.0), [])
+    assert "by less than 5 %" in reason_to_stop(flights(1.0, 0.5, 0.49), [whole] * 2)
     assert "has grown" in reason_to_stop(flights(1.0, 0.5, 0.6), [whole] * 2)
     near = SimpleNamespace(share=0.3, limit="joint 2 needs torque")
     assert reason_to_stop(flights(1.0, 0.5), [near]) == "a limit is near: joint 2 needs torque"
@@ -293,7 +293,7 @@ def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_control
     masses = [device.scenario.plant.deviation.payload_mass for device in devices]
     assert masses == [study.inputs(4 * row)["payload_mass"] for row in range(2)]
     only = replace(study, variables=study.variables[:1])
-    with pytest.raises(InputError, match="varies nothing but the controller"):
+    with pytest.raises(InputError, match="vary only the controller"):
         devices_of(design, only, base, 2)
 
 

@@ -137,7 +137,7 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
     worse = machine.flight(state.references[1])
     worse[2][:, 3] += 0.001 * np.sin(5 * worse[0])
     before = {file: file.read_bytes() for file in folder.iterdir()}
-    with pytest.raises(InputError, match=r"has grown, .*best so far is reference_02.csv"):
+    with pytest.raises(InputError, match=r"has grown .*best so far: reference_02.csv"):
         teach(design, machine.filter, state, [machine.read(machine.record(worse))])
     assert {file: file.read_bytes() for file in folder.iterdir()} == before
 
@@ -152,7 +152,7 @@ def test_what_repeats_is_told_from_what_does_not(machine):
     quiet = machine.flight()
     quiet[2][:] = machine.design.wanted.q
     taught = machine.taught(quiet, 3, noise)
-    assert any("within what noise leaves" in note for note in taught.notes)
+    assert any("below the noise" in note for note in taught.notes)
     np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
     quiet[2][:, 1] += 1.5 * noise  # within the noise of all joints, but not within its own
     assert not any("noise" in note for note in machine.taught(quiet, 3, noise).notes)
@@ -175,8 +175,8 @@ def test_what_repeats_is_told_from_what_does_not(machine):
             lambda f: (f[0], f[1][:, [3, 1, 2, 0]], f[2][:, [3, 1, 2, 0]]),
             "q_ref is up to .* expected a recording of one",
         ),
-        (lambda f: (f[0], f[1], f[2][:, [3, 1, 2, 0]]), "joint 1 is .* another order"),
-        (lambda f: (f[0], f[1], np.degrees(f[2])), "another unit"),
+        (lambda f: (f[0], f[1], f[2][:, [3, 1, 2, 0]]), "joint 1 is .* order of the joints"),
+        (lambda f: (f[0], f[1], np.degrees(f[2])), "and the units"),
         (lambda f: (f[0][:150], f[1][:150], f[2][:150]), "q_ref is up to 0"),
         (lambda f: (f[0], 57 * f[1], f[2]), r"q_ref is up to \d"),
     ],
@@ -192,8 +192,8 @@ def test_each_recording_without_its_reference_is_taken_on_trust(machine):
     paths = [machine.record(flight), machine.record(flight, columns=("q",))]
     recordings = [machine.read(path) for path in paths]
     notes = teach(machine.design, machine.filter, state, recordings).notes
-    assert [note for note in notes if "on trust" in note] == [
-        f"{paths[1]}: it holds no q_ref: that the reference to be flown was flown is taken on trust"
+    assert [note for note in notes if "is assumed" in note] == [
+        f"{paths[1]}: it has no q_ref; the expected reference is assumed"
     ]
 
 
@@ -206,11 +206,11 @@ def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
             match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
 
     refused(lambda rows: rows[:100] + rows[110:], "a gap from 0.495 to 0.55 s")
-    refused(lambda rows: rows[::8], "a sample every 0.04 s, expected every 0.024 s")
-    refused(lambda rows: rows[:220], r"has 0.000 to 1.095 s of the motion, .* all of its 1.5 s")
+    refused(lambda rows: rows[::8], "a sample every 0.04 s, expected at most 0.024 s")
+    refused(lambda rows: rows[:220], r"contains 0.000 to 1.095 s of the motion, .* all of its 1.5 s")
     refused(lambda rows: rows[:2], "2 samples, expected those of a whole motion")
     refused(
-        lambda rows: rows[:100], r"lasts 0.495 s, expected all 1.\d* s in which the motion moves$"
+        lambda rows: rows[:100], r"lasts 0.495 s, expected the whole motion of 1.\d* s$"
     )
 
 
@@ -255,7 +255,7 @@ def test_the_command_learns_flight_by_flight(good, refuse, desk):
     good("simulate", file, *changed, "--out", "flight.csv")
     out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
     assert "state/reference_02.csv written" in out
-    assert "flight.csv: its q_ref is that of the plan, as `simulate` writes it: that" in out
+    assert "flight.csv: its q_ref is the planned motion, as in files of `simulate`; the" in out
     assert "note: with several recordings of a flight" in out
     assert "RMS error [deg]" in " ".join(out.split()) and "repeats" not in out.split("note:")[0]
     good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")

@@ -81,18 +81,21 @@ def test_every_listed_name_is_a_field():
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("plant.friction.coulom", "no field of a scenario, did you mean 'plant.friction.coulomb'"),
+        (
+            "plant.friction.coulom",
+            "not a field of a scenario, did you mean 'plant.friction.coulomb'",
+        ),
         ("controller.coulomb", "(mean|one of) .?plant.friction.coulomb"),
         ("friction.coulomb[2]", "did you mean 'plant.friction.coulomb'"),
-        ("controller.kp.x", "no field of a scenario"),
-        ("controller.kp[1].x", "no field of a scenario"),
-        ("controller..kp", "no field of a scenario"),
-        ("controller.kp[x]", "no field of a scenario, did you mean 'controller.kp'"),
-        ("controller.kp[0]", "no field of a scenario, did you mean 'controller.kp'"),
-        (f"controller.kp[{'9' * 5000}]", "no field of a scenario, did you mean 'controller.kp'"),
-        ("zzz", "no field of a scenario, expected one of name, robot, "),
-        ("plant.friction", "a part, not a field, expected one of plant.friction.coulomb, "),
-        ("period[1]", "period is no list"),
+        ("controller.kp.x", "not a field of a scenario"),
+        ("controller.kp[1].x", "not a field of a scenario"),
+        ("controller..kp", "not a field of a scenario"),
+        ("controller.kp[x]", "not a field of a scenario, did you mean 'controller.kp'"),
+        ("controller.kp[0]", "not a field of a scenario, did you mean 'controller.kp'"),
+        (f"controller.kp[{'9' * 5000}]", "not a field of a scenario, did you mean 'controller.kp'"),
+        ("zzz", "not a field of a scenario, expected one of name, robot, "),
+        ("plant.friction", "a group of fields, expected one of plant.friction.coulomb, "),
+        ("period[1]", "period is not a list"),
     ],
 )
 def test_unknown_names(name, message):
@@ -103,17 +106,17 @@ def test_unknown_names(name, message):
 @pytest.mark.parametrize(
     ("name", "how", "message"),
     [
-        ("controller.kp", "value", "no such list; add it there"),
-        ("controller.kp[2]", "factor", "no such list; add it there"),
-        ("plant.friction.coulomb[4]", "value", r"has 3 value\(s\) there"),
-        ("controller.omega_r", "factor", "no value for a factor; give it"),
-        ("drive.torque_bandwidth", "offset", "no value for a offset; give it"),
+        ("controller.kp", "value", "empty in the base scenario; add"),
+        ("controller.kp[2]", "factor", "empty in the base scenario; add"),
+        ("plant.friction.coulomb[4]", "value", r"list has 3 value\(s\), expected"),
+        ("controller.omega_r", "factor", "to apply a factor to; add"),
+        ("drive.torque_bandwidth", "offset", "to apply a offset to; add"),
     ],
 )
 def test_what_the_scenario_does_not_have(scenario, name, how, message):
     with pytest.raises(InputError, match=message) as raised:
         find_field(name).put(scenario, 1.0, how)
-    assert str(raised.value).startswith(f"{name}: the base scenario has ")
+    assert str(raised.value).startswith(f"{name}: ")
 
 
 @pytest.mark.parametrize(
@@ -139,5 +142,5 @@ def test_changes_that_a_study_would_overwrite_are_refused(change, is_lost):
     if not is_lost:
         assert load_study("monte_carlo", one)[1] == load_scenario("uncertain", one)
         return
-    with pytest.raises(InputError, match=rf"^{re.escape(change)}: .*monte_carlo.yaml has values"):
+    with pytest.raises(InputError, match=rf"^{re.escape(change)}: .*monte_carlo.yaml sets"):
         load_study("monte_carlo", one)

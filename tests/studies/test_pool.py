@@ -104,9 +104,9 @@ def test_rows_that_end_their_process_or_hang(pool, temporary, capfd):
     status = ["timed_out", "crashed", "crashed", "crashed", *["ok"] * 4]
     assert [row.status for row in rows] == status
     assert rows[0] == Row(0, "timed_out", "not done after 1.5 s", 1.5, ())
-    assert rows[1].reason.startswith("the process that ran it ended 2 times (")
+    assert rows[1].reason.startswith("its process ended 2 times (")
     assert "abort: matrix is singular" in rows[1].reason or "Aborted" in rows[1].reason
-    assert rows[2] == Row(2, "crashed", "the process that ran it ended 2 times", 0.0, ())
+    assert rows[2] == Row(2, "crashed", "its process ended 2 times", 0.0, ())
     assert rows[4].reason == ""
     assert list(temporary.iterdir()) == [] and descriptors() == before
     assert capfd.readouterr() == ("", "")

@@ -186,7 +186,9 @@ def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, 
     assert {row.status for row in mixed_rows} == {"ok"}
     assert len({row.outcomes[1] for row in mixed_rows}) > 2
     expected = without_duration(mixed_rows)
-    monkeypatch.setattr("sdt_drake.studies.runs._CACHED", 1)  # motions are planned again and again
+    monkeypatch.setattr(
+        "sdt_drake.studies.runs._MAX_PLANS", 1
+    )  # motions are planned again and again
     order = np.random.default_rng(0).permutation(12).tolist()
     runner = Runner(mixed, base)
     rows = [runner.run(number) for number in order]

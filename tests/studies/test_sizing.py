@@ -95,28 +95,28 @@ def test_elastic_joints_are_refused(load, tmp_path):
     scenario = yaml.safe_load(text)
     scenario["plant"]["elasticity"] = {"natural_frequency": [60.0] * 4}
     (tmp_path / "elastic.yaml").write_text(yaml.safe_dump(scenario))
-    with pytest.raises(InputError, match=r"plant\.elasticity: expected rigid joints"):
+    with pytest.raises(InputError, match=r"plant\.elasticity: .* expected rigid"):
         load(TEXT.replace(name, "elastic.yaml"))
 
 
 BAD = [
     ("scenario: package://sdt/scenarios/coupled_pi.yaml", "", "scenario: missing, expected a text"),
-    ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled: the masses"),
+    ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled, as the mass"),
     ("TM-3950, TM-5270]", "TM-3950, TM-5720]", "motors[2]: no motor 'TM-5720' in the catalogue"),
     ("[TM-716, TM-1430]", "[TM-716, TM-716]", "motors[4]: ['TM-716', 'TM-716'] has a value twice"),
     ("[TM-716, TM-1430]", "[]", "motors[4]: empty, expected a list of texts"),
-    ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 value(s)"),
-    ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale are"),
+    ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 values"),
+    ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale come"),
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
     ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
     ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device.fitted: 3 value(s), expected 4"),
     ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
-    ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: '' has no numbers to judge, expected 'A"),
+    ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: '' names no motor, expected 'A"),
     ("inversion, post", "inversoin, post", "motions[3]: inversoin: no such motion, did you"),
     ("[reference,", "[mine.yaml,", "{folder}/mine.yaml: no such file"),
     ("[reference,", "[mine/post_roll.csv,", "motions: ['post_roll', 'g_excess', 'inversion', "),
     ("[pi, pi_id", "[pi, pi_ids", "controllers: 'pi_ids', expected one of"),
-    ("[0.05, 0.25, 0.05, 0.1]", "[0.1, 0.1]", "requirements.max_abs_speed_error: 2 value(s), exp"),
+    ("[0.05, 0.25, 0.05, 0.1]", "[0.1, 0.1]", "requirements.max_abs_speed_error: 2 values, exp"),
     ("saturated_fraction: 0.01", "saturated_fraction: .nan", "requirements.saturated_fraction"),
     ("saturated_fraction: 0.01", "saturation: 0", "requirements.saturation: no such field"),
 ]  # fmt: skip
@@ -209,7 +209,7 @@ def test_the_worst_motion_counts(verdicts):
     assert first.error == 0.3
     assert first.mass == 70 + 110  # kg, of the catalogue
     assert first.missed == (
-        "largest speed error of joint 2 is 0.3 rad/s in reference, at most 0.2 allowed",
+        "largest speed error of joint 2 is 0.3 rad/s in reference, allowed is 0.2",
     )
     assert not first.feasible
 
@@ -246,37 +246,15 @@ def test_what_is_equally_heavy_is_so_in_any_order(monkeypatch):
     assert {v.mass for v in verdicts if len(set(v.candidate.motors)) == 3} == {180.6}
 
 
-def test_the_lines_say_what_the_data_say(verdicts):
-    assert sizing_lines(SMALL, verdicts) == [
-        "with pi: AC-150, TM-3950 at structure scale 0.8, 210 kg of motors",
-        "  joint 1 AC-150: tightest is torque used, 90 % of what is allowed, in reference",
-        "  joint 2 TM-3950: tightest is winding temperature, 95 % of what is allowed, in reference",
-        "with pi_id: AC-150, TM-2860 at structure scale 0.8, 180 kg of motors",
-        "  joint 1 AC-150: tightest is torque used, 90 % of what is allowed, in reference",
-        "  joint 2 TM-2860: tightest is winding temperature, 95 % of what is allowed, in reference",
-        "joint 1: with pi and pi_id AC-150 is enough",
-        "joint 2: with pi it needs TM-3950, with pi_id TM-2860 is enough",
-    ]
+def never(inputs):
+    """`pi` misses a requirement in every motion."""
+    return {**GOOD, "max_abs_speed_error_1": 0.5 if inputs["controller"] == "pi" else 0.0}
 
 
-def test_no_motor_set_is_said_honestly():
-    def never(inputs):
-        error = 0.5 if inputs["controller"] == "pi" else 0.0
-        return {**GOOD, "max_abs_speed_error_1": error, "stretch": 0.0}
-
-    verdicts = judge_candidates(SMALL, sized(SMALL, never))
-    assert recommend(verdicts, "pi") is None
-    assert nearest(verdicts, "pi").candidate == Candidate(("AC-150", "TM-2860"), 0.8)
-    lines = sizing_lines(SMALL, verdicts)
-    assert lines[:2] == [
-        "with pi no motor set meets the requirements; the nearest, AC-150, TM-2860 at structure "
-        "scale 0.8, misses 1",
-        "  largest speed error of joint 1 is 0.5 rad/s in leans, at most 0.1 allowed",
-    ]
-    assert "joint 2: with pi_id TM-2860 is enough" in lines
-    nobody = judge_candidates(SMALL, sized(SMALL, lambda inputs: "too weak"))
-    assert sizing_lines(SMALL, nobody)[-1] == "joint 2: no controller meets the requirements"
-    assert not front_of(nobody).any()
+def beside(inputs):
+    """Either light motor needs the heavy one of the other joint."""
+    light = (inputs["motor_1"], inputs["motor_2"]) == ("AC-150", "TM-2860")
+    return GOOD | {"winding_temperature_1": 1.2 if light else 0.9}
 
 
 def failing(inputs):
@@ -285,22 +263,26 @@ def failing(inputs):
     return "no link 'payload'" if bad else GOOD | {"max_abs_speed_error_2": 0.3}
 
 
+@pytest.mark.parametrize(
+    "outcome", [story, never, failing, beside, lambda inputs: "too weak"],
+    ids=["story", "never", "failing", "beside", "weak"],
+)  # fmt: skip
+def test_the_answer_comes_first_and_the_lines_agree_with_the_table(outcome, file_regression):
+    table = sized(SMALL, outcome)
+    if outcome is failing:
+        table = dataclasses.replace(table, status=np.where(table.ok, "ok", "failed"))
+        assert failures(table) == "24 of 32 runs failed: no link 'payload' (row 1)"
+    verdicts = judge_candidates(SMALL, table)
+    lines = sizing_lines(SMALL, verdicts)
+    assert front_of(verdicts).any() == lines[0].startswith("The lightest motors")
+    file_regression.check("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def test_failed_runs_are_no_verdict():
     table = sized(SMALL, failing)
     table = dataclasses.replace(table, status=np.where(table.ok, "ok", "failed"))
     verdicts = judge_candidates(SMALL, table)
     assert [v.judged for v in verdicts] == [True, True, False, False] * 2 + [False] * 8
-    assert failures(table) == "24 of 32 runs failed: no link 'payload' (row 1)"
-    assert sizing_lines(SMALL, verdicts) == [
-        "with pi no motor set meets the requirements; the nearest, AC-150, TM-2860 at structure "
-        "scale 0.8, misses 1; 4 of 8 candidates cannot be judged, their runs failed",
-        "  largest speed error of joint 2 is 0.3 rad/s in leans, at most 0.2 allowed",
-        "with pi_id no motor set can be judged",
-        "  leans is failed: no link 'payload'",
-        "  reference is failed: no link 'payload'",
-        "joint 1: no controller is known to meet the requirements",
-        "joint 2: no controller is known to meet the requirements",
-    ]
 
 
 def test_what_cannot_do_a_motion_is_not_the_nearest():
@@ -312,21 +294,6 @@ def test_what_cannot_do_a_motion_is_not_the_nearest():
 
     near = nearest(judge_candidates(SMALL, sized(SMALL, outcome)), "pi")
     assert near.candidate == Candidate(("AC-203", "TM-2860"), 0.8) and len(near.missed) == 2
-
-
-def test_a_motor_that_is_enough_beside_heavier_ones_only_is_told_so():
-    """Either light motor needs the heavy one of the other joint: both are not enough."""
-
-    def outcome(inputs):
-        light = (inputs["motor_1"], inputs["motor_2"]) == ("AC-150", "TM-2860")
-        return GOOD | {"winding_temperature_1": 1.2 if light else 0.9}
-
-    lines = sizing_lines(SMALL, judge_candidates(SMALL, sized(SMALL, outcome)))
-    assert lines[0].startswith("with pi: AC-203, TM-2860 at structure scale 0.8, 200 kg")
-    assert lines[-2:] == [
-        "joint 1: with pi and pi_id AC-150 (beside heavier ones elsewhere) is enough",
-        "joint 2: with pi and pi_id TM-2860 is enough",
-    ]
 
 
 def test_what_has_not_been_run_is_not_recommended():
@@ -342,7 +309,7 @@ def test_a_number_that_is_missing_is_not_kept():
         return {**GOOD, "winding_temperature_1": 0.9 if inputs["motion"] == "leans" else math.nan}
 
     assert judge_candidates(SMALL, sized(SMALL, without))[0].missed == (
-        "winding temperature of joint 1 is nan % of rated in reference, at most 100 allowed",
+        "winding temperature of joint 1 is nan % of rated in reference, allowed is 100",
     )
 
 
@@ -355,8 +322,8 @@ def test_angles_and_shares_are_in_the_units_of_people():
     bad = {"max_abs_position_error_2": 0.1, "saturated_fraction_1": 0.02}
     verdict = judge_candidates(SMALL, sized(SMALL, lambda x: {**GOOD, **bad}))[0]
     assert verdict.missed == (
-        "saturation of joint 1 is 2 % of time in leans, at most 0 allowed",
-        "largest position error of joint 2 is 5.73 deg in leans, at most 3 allowed",
+        "saturation of joint 1 is 2 % of time in leans, allowed is 0",
+        "largest position error of joint 2 is 5.73 deg in leans, allowed is 3",
     )
     assert verdict.used["saturated_fraction_1"] == math.inf
 

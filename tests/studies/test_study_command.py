@@ -78,16 +78,16 @@ def test_bad_study(refuse, desk, old, new, message):
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
         ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
-        ("few.yaml --out .", ".: holds something else, expected an empty folder"),
+        ("few.yaml --out .", ".: contains other files, expected an empty folder"),
         ("few.yaml --out=", "--out: empty, expected a path"),
-        ("few.yaml --resume", "few: holds no study to resume"),
-        ("few.yaml --out . --resume", ".: holds no study to resume"),
+        ("few.yaml --resume", "few: no study to resume"),
+        ("few.yaml --out . --resume", ".: no study to resume"),
         ("few.yaml --row 1", "--row: has no effect here"),
-        ("show nowhere", "nowhere: holds no study"),
+        ("show nowhere", "nowhere: contains no study"),
         ("show nowhere --out few.yaml", "few.yaml: is a file, expected a folder"),
         ("show nowhere --workers 2", "--workers: has no effect here"),
-        ("repeat nowhere --row 1", "nowhere: holds no study"),
-        ("repeat . --row 1", ".: holds no study"),
+        ("repeat nowhere --row 1", "nowhere: contains no study"),
+        ("repeat . --row 1", ".: contains no study"),
         ("show", "study: 'show', expected sdt-drake study STUDY [--out"),
         ("few.yaml more.yaml", "study: 'few.yaml more.yaml', expected"),
     ],
@@ -117,7 +117,7 @@ def test_a_package_that_cannot_be_loaded(refuse, monkeypatch):
 
 def test_cluster_that_cannot_be_reached(refuse, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("sdt_drake.studies.cluster._CONNECT", 0.3)
+    monkeypatch.setattr("sdt_drake.studies.cluster._CONNECT_TIMEOUT", 0.3)
     assert "--cluster tcp://127.0.0.1:1: cannot be reached" in refuse(
         "few.yaml", "--cluster", "tcp://127.0.0.1:1"
     )
@@ -135,14 +135,16 @@ def test_package_that_is_not_installed(refuse, monkeypatch, package):
 def test_folder_of_a_study(refuse, desk, undisturbed):
     """Neither overwritten, nor taken for another study."""
     shutil.copytree(undisturbed, desk / "mc")
-    assert "mc: holds this study already; --resume goes" in refuse("many.yaml", "--out", "mc")
-    other = "mc: holds another study, which differs in study.yaml (name, draws), scenario.yaml ("
+    assert "mc: contains this study; continue it with --resume" in refuse(
+        "many.yaml", "--out", "mc"
+    )
+    other = "mc: contains another study, which differs in study.yaml (name, draws), scenario.yaml ("
     assert other in refuse("few.yaml", "--out", "mc")
     assert other in refuse("few.yaml", "--out", "mc", "--resume")
     motion = (desk / "short.yaml").read_text()
     (desk / "short.yaml").write_text(motion.replace("0.5], [0.5", "0.4], [0.5"))
     said = refuse("many.yaml", "--out", "mc", "--resume")
-    assert "mc: holds another study, which differs in files/1/short.yaml; expected" in said
+    assert "mc: contains another study, which differs in files/1/short.yaml; use" in said
     (desk / "short.yaml").write_text(motion)
     with Store(desk / "mc") as store:
         drake = store.about["versions"]["drake"]
@@ -185,7 +187,7 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
     assert old in before
     (desk / "mc" / file).write_text(before.replace(old, new))
     if told:
-        line = f"mc: {told} changed since the study was begun, expected what its runs"
+        line = f"mc: {told} changed since the study was begun; restore"
         assert line in refuse("show", "mc") and line in refuse("repeat", "mc", "--row", "1")
     assert main(["report", "mc"]) == (2 if told else 0)
     assert main(["study", "many.yaml", "--out", "mc", "--resume"]) == 0
@@ -196,7 +198,7 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
 def test_an_unfinished_study_of_an_older_version_is_refused(refuse, desk):
     (desk / "few").mkdir()
     (desk / "few" / "rows.jsonl").write_text("{}")
-    line = "few: holds an unfinished study of version 0.3 or an older one (rows.jsonl), expected"
+    line = "few: contains an unfinished study of version 0.3 or older (rows.jsonl)"
     for command in (["show", "few"], ["few.yaml"], ["few.yaml", "--resume"]):
         assert line in refuse(*command)
     assert main(["report", "few"]) == 2
@@ -307,9 +309,9 @@ def test_shows_what_is_done(copied, capfd, undrawn):
     assert len(read_study_table(copied)) == 5
     assert main(["study", "show", f"{copied}"]) == 0
     assert capfd.readouterr().out.startswith(
-        f"many: 5 of {RUNS} runs have a result; {RUNS - 5} of {RUNS} runs are not done yet\n"
+        f"many: 5 of {RUNS} runs have a result; {RUNS - 5} of {RUNS} runs are not finished\n"
     )
-    assert f"{RUNS - 5} of {RUNS} runs are not done yet." in (copied / "report.html").read_text()
+    assert f"{RUNS - 5} of {RUNS} runs are not finished." in (copied / "report.html").read_text()
 
 
 def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):

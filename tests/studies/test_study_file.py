@@ -78,7 +78,7 @@ def test_levels():
     [
         (Uniform(1, 1), ": low 1, high 1, expected low < high"),
         (Normal(0, 1, 2, 1), "low 2, high 1, expected low < high"),
-        (Normal(0, 1, 40), "nothing of it is between low and high"),
+        (Normal(0, 1, 40), "less than 1e-6 of the distribution lies between"),
         (Grid(1, 1, 3), "start and stop are both 1"),
         (List([]), "values: empty, expected a list of numbers"),
         (List([1.0, 2.0, 1.0]), "values: .* has a value twice"),
@@ -92,20 +92,20 @@ def test_bad_distributions(base, distribution, message):
 @pytest.mark.parametrize(
     ("distribution", "field", "message"),
     [
-        (Choice(["a"]), "period", "period takes numbers"),
-        (Uniform(0, 1), "algorithm", r"algorithm takes texts \(!Choice\)"),
-        (List([1.0]), "controller", r"controller takes texts"),
-        (Uniform(0, 1), "controller.anti_windup", r"takes texts \(!Choice\)"),
+        (Choice(["a"]), "period", "period gets texts .*, expected numbers"),
+        (Uniform(0, 1), "algorithm", r"algorithm gets numbers, expected texts \(!Choice\)"),
+        (List([1.0]), "controller", r"controller gets numbers, expected texts"),
+        (Uniform(0, 1), "controller.anti_windup", r"gets numbers, expected texts \(!Choice\)"),
         (Choice(["true", "maybe"]), "controller.anti_windup", "'maybe', expected true or false"),
         (Choice([]), "algorithm", "empty"),
         (Choice(["printed", "printed"]), "algorithm", "has a value twice"),
         (Choice(["pi", "pid"]), "controller", "'pid', expected one of pi, "),
         (Choice(["p_pi", "p_pi+none"]), "controller", "'p_pi.none' is given twice"),
-        (Choice(["a\0.yaml"]), "motion", r"values: 'a\\x00.yaml', expected characters"),
-        (Uniform(0, 1), "controller.kp", "no such list; add it there"),
-        (Uniform(0, 1), "controller.zeta[5]", r"has 4 value\(s\) there"),
+        (Choice(["a\0.yaml"]), "motion", r"values: 'a\\x00.yaml', expected printable"),
+        (Uniform(0, 1), "controller.kp", "empty in the base scenario; add"),
+        (Uniform(0, 1), "controller.zeta[5]", r"list has 4 value\(s\), expected"),
         (Uniform(0, 1), "controller.zetta", "did you mean 'controller.zeta'"),
-        (Uniform(0, 1), "controller.model", "a part, not a field"),
+        (Uniform(0, 1), "controller.model", "a group of fields, expected"),
     ],
 )
 def test_bad_fields(base, distribution, field, message):
@@ -123,27 +123,31 @@ ZETA_2 = variable(Uniform(0, 1), "controller.zeta[2]", name="b")
     [
         ([], {}, "variables: none, expected at least one"),
         ([variable(List([1.0]), name="x"), Variable(distribution=List([1.0]))], {}, "fields: none"),
-        ([U, U], {}, "two are named disturbance.amplitude"),
+        ([U, U], {}, "disturbance.amplitude names two variables"),
         ([variable(Uniform(0, 1), apply="times")], {}, "apply: 'times', expected one of value"),
-        ([variable(Choice(["pi"]), "controller", apply="factor")], {}, "apply: factor, but"),
+        (
+            [variable(Choice(["pi"]), "controller", apply="factor")],
+            {},
+            "apply: factor, expected value",
+        ),
         ([variable(Grid(0, 1))], {"draws": 2}, "draws: 2, but no variable is random; remove"),
         ([U], {"draws": 10**19}, "variables|draws"),
-        ([U], {"draws": 10**8}, "too many runs, expected at most 10,000,000"),
+        ([U], {"draws": 10**8}, "runs, expected at most 10,000,000"),
         ([U], {"seed": 2**64}, "seed: .*, expected"),
-        ([U], {"name": "../x"}, "name: ../x, expected one that a folder can"),
-        ([U], {"name": ".."}, "name: .., expected one that a folder can"),
-        ([U], {"name": "a\x1b[1m"}, r"name: 'a\\x1b\[1m', expected characters"),
+        ([U], {"name": "../x"}, "name: ../x, expected the name of a folder"),
+        ([U], {"name": ".."}, "name: .., expected the name of a folder"),
+        ([U], {"name": "a\x1b[1m"}, r"name: 'a\\x1b\[1m', expected printable"),
         ([U], {"name": "a\ud800"}, r"name: 'a\\ud800', expected"),
         ([U], {"name": " a"}, r"name: ' a', expected"),
         ([variable(Uniform(0, 1), name="a\nb")], {}, r"variables\[1\].name: 'a\\nb', expected"),
-        ([U, variable(Uniform(0, 1), name="b")], {}, "two values, of dist"),
-        ([ZETA, ZETA_2], {}, r"controller.zeta\[2\] gets two values, of a and b"),
-        ([ZETA_2, ZETA], {}, "zeta gets two values"),
-        ([Variable("a", ["period", "period"], "value", List([0.1]))], {}, "period gets two values"),
+        ([U, variable(Uniform(0, 1), name="b")], {}, "is set by dist"),
+        ([ZETA, ZETA_2], {}, r"controller.zeta\[2\] is set by a and b"),
+        ([ZETA_2, ZETA], {}, "zeta is set by"),
+        ([Variable("a", ["period", "period"], "value", List([0.1]))], {}, "period is set by"),
         (
             [variable(Choice(["pi"]), "controller"), variable(Choice(["pi"]), "controller.kind")],
             {},
-            "controller.kind gets two values",
+            "controller.kind is set by",
         ),
     ],
 )
@@ -159,7 +163,7 @@ def test_too_many_runs_are_refused_before_a_grid_is_made(base, monkeypatch):
         Variable(f"g{k}", [f"controller.zeta[{k + 1}]"], "value", Grid(1, 2, 10**7))
         for k in range(4)
     ]
-    with pytest.raises(InputError, match="too many runs, expected at most 10,000,000"):
+    with pytest.raises(InputError, match="runs, expected at most 10,000,000"):
         Study(variables=many).validate(base)
 
 

@@ -1,4 +1,4 @@
-"""Motions as the files that drives (CiA 402), PLCs (IEC 61131-3) and ROS 2 read."""
+"""Motions as files for drives (CiA 402), PLCs (IEC 61131-3) and ROS 2."""
 
 from sdt_drake.machine.drive_files.drives import Axis, Drives, load_drives
 from sdt_drake.machine.drive_files.export import (

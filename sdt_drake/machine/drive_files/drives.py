@@ -1,4 +1,4 @@
-"""What the drives of the axes read: the units of their set points, CiA 402."""
+"""The drives of the axes and the units of their set points (CiA 402)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ OBJECTS = {
     "60B2h": ("TorqueOffset", TORQUE),
     "6071h": ("TargetTorque", TORQUE),
 }
-"""Objects of CiA 402-2 (IEC 61800-7-201) by index: name, and what it holds."""
+"""Objects of CiA 402-2 (IEC 61800-7-201) by index: name and quantity."""
 
 SPEED_UNITS = {
     "increments/s": 0.0,
@@ -44,7 +44,7 @@ SPEED_UNITS = {
     "0.01 rpm": 0.01,
     "0.001 rpm": 0.001,
 }
-"""Of 60FFh and 60B1h: increments of the encoder, or turns of the motor per minute [rpm]."""
+"""Units of 60FFh and 60B1h in rpm of the motor; 0 for encoder increments per second."""
 
 
 @dataclass(kw_only=True)
@@ -52,29 +52,30 @@ class Axis(Input):
     """The drive of a joint; **motor side**."""
 
     increments: int = setting(ge=1, unit="increments", side="motor")
-    """Of the encoder in a turn of the motor."""
+    """Encoder increments per turn of the motor."""
     gear_ratio: Positive | None = setting(None, unit="-")
-    """Motor speed over joint speed; by default that of the robot."""
+    """Motor speed over joint speed; the robot's gear ratio by default."""
     sign: int = setting(1, unit="-")
-    """1, or -1 where the motor turns against its joint."""
+    """Direction: 1, or -1 if the motor turns against its joint."""
     zero: int = setting(0, unit="increments")
-    """Increments at the joint angle 0."""
+    """Encoder increments at joint angle 0."""
     speed_unit: Annotated[str, OneOf(tuple(SPEED_UNITS))] = "increments/s"
-    """Of target velocity and velocity offset."""
+    """Unit of target velocity and velocity offset."""
     rated_torque: Positive = setting(unit="N m", side="motor")
-    """That torques in per mille refer to (6076h), rated or standstill."""
+    """Rated (or standstill) torque, to which torques in per mille refer (6076h)."""
     maximum_torque: Positive | None = setting(None, unit="N m", side="motor")
-    """Of the drive; by default as far as per mille in 16 bits go, where it reads torques."""
+    """Maximum torque of the drive; by default the largest per mille value of 16 bits, if the
+    drive reads torques."""
     objects: Some[Annotated[str, OneOf(tuple(OBJECTS))]] = setting(["607Ah", "60B1h", "60B2h"])
-    """Of CiA 402 that it reads in every cycle."""
+    """CiA 402 objects that the drive reads in every cycle."""
 
     def problems(self) -> Problems:
         if self.sign not in (1, -1):
             yield "sign", f"{self.sign}, expected 1 or -1"
         for i, index in enumerate(self.objects):
             if index in self.objects[:i]:
-                yield f"objects[{i + 1}]", f"{index} is given twice"
-        if not {"607Ah", "60FFh"} & set(self.objects):  # what the offsets are added to
+                yield f"objects[{i + 1}]", f"{index} is given twice, expected once"
+        if not {"607Ah", "60FFh"} & set(self.objects):  # the offsets are added to these
             yield "objects", "neither a position nor a speed, expected 607Ah or 60FFh among them"
 
 
@@ -83,49 +84,50 @@ class Drives(Input):
     """The drives of a device."""
 
     notes: str = ""
-    """For people."""
+    """Remarks; not used."""
     cycle_time: Number = setting(gt=0, le=1, unit="s")
-    """Of the set points."""
+    """Drive period: time between two set points."""
     axes: EachJoint[Axis]
-    """Base to tip."""
+    """Drives of the joints, base to tip."""
 
     def zeros(self) -> Array:
-        """Increments of the drives at the joint angles 0, shape (n,)."""
+        """Return the increments of the drives at joint angles 0, shape (n,)."""
         return np.array([axis.zero for axis in self.axes], dtype=float)
 
     def increments_per_rad(self, robot: Robot) -> Array:
-        """Increments of each drive per rad of each joint angle, with the sign of its axis; shape
-        (n, n)."""
+        """Return signed increments per rad, shape (n, n): a row per drive, a column per joint."""
         return self._per_joint(robot, lambda axis: axis.increments / tau)
 
     def speed_per_increment(self) -> Array:
-        """Speed units in an increment per second, shape (n,)."""
+        """Return the speed units per increment/s, shape (n,)."""
         rpm = [SPEED_UNITS[axis.speed_unit] for axis in self.axes]
         turns = [60 / axis.increments for axis in self.axes]
         return np.array([x / unit if unit else 1.0 for x, unit in zip(turns, rpm, strict=True)])
 
     def torque_per_mille(self, robot: Robot) -> Array:
-        """Torque at each joint [N m] in 1 per mille of the rated torque of each motor, with the
-        sign of its axis; shape (n, n), a row for each motor."""
+        """Return signed joint torque [N m] per 1/1000 of the rated torque of a motor.
+
+        Shape (n, n): a row per motor, a column per joint.
+        """
         return self._per_joint(robot, lambda axis: axis.rated_torque / 1000)
 
-    def most_per_mille(self) -> Array:
-        """Largest magnitude of a torque, in per mille of the rated one, shape (n,)."""
+    def max_per_mille(self) -> Array:
+        """Return the largest torque in per mille of the rated torque, shape (n,)."""
         given = [axis.maximum_torque or np.inf for axis in self.axes]
         rated = np.array([axis.rated_torque for axis in self.axes])
-        return np.minimum(1000 * np.array(given) / rated, self.most(TORQUE, INT16))
+        return np.minimum(1000 * np.array(given) / rated, self.max_integer(TORQUE, INT16))
 
-    def most(self, quantity: str, most: int) -> Array:
-        """What the bits of a set point hold, of axes that read one; shape (n,)."""
-        return np.where(self.reads(quantity), most, np.inf)
+    def max_integer(self, quantity: str, limit: int) -> Array:
+        """Return `limit` for axes that read a quantity, infinity for the others, shape (n,)."""
+        return np.where(self.reads(quantity), limit, np.inf)
 
     def reads(self, quantity: str) -> NDArray[np.bool_]:
-        """Which axes have a set point of a quantity: POSITION, SPEED or TORQUE; shape (n,)."""
+        """Return the mask of axes that read POSITION, SPEED or TORQUE, shape (n,)."""
         read = [{OBJECTS[index][1] for index in axis.objects} for axis in self.axes]
         return np.array([quantity in quantities for quantities in read])
 
     def _per_joint(self, robot: Robot, of_motor: Callable[[Axis], float]) -> Array:
-        """What a motor has in a unit of its own angle or torque, in one of each joint's."""
+        """Return a motor-side factor per unit of joint angle or torque, shape (n, n)."""
         own = [
             axis.sign * (axis.gear_ratio or r) / r * of_motor(axis)
             for axis, r in zip(self.axes, robot.gear_ratio, strict=True)
@@ -134,10 +136,13 @@ class Drives(Input):
 
 
 def load_drives(path: str | Path, n: int) -> Drives:
-    """The drives of a robot with `n` joints, from YAML, or the shipped ones of a name.
+    """Load the drives of a robot with `n` joints from a YAML file, or shipped ones by name.
 
     Raises:
-        InputError: with a line for each problem: file, field, and what would be right.
+        InputError: with a line for each problem: file, field, and what is accepted.
+
+    >>> load_drives("sdt", 4).cycle_time
+    0.001
     """
     drives, file = load_yaml(Drives, path, "drives")
     check(drives, str(file), n)

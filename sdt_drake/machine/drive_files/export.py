@@ -1,4 +1,4 @@
-"""Exporting a motion in all formats, and what a loop makes of each."""
+"""Export a motion in all formats, and simulate the loop fed from each file."""
 
 from __future__ import annotations
 
@@ -31,44 +31,37 @@ from sdt_drake.run.tuning import Feedforward
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
 READ_BACK = "read_back.csv"
 FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK)
-"""Files of an exported motion, with what a loop made of them."""
+"""Files of an exported motion. READ_BACK has the errors of loops that are fed from the others."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exported:
-    """What the files of an exported motion hold.
-
-    Attributes:
-        samples: of the motion, in each cycle of the drives.
-        points: integers of CSV and ST.
-        cam: integers of CAM, see `formats.cam_table`.
-        own: samples of TRAJECTORY.
-    """
+    """The contents of the files of an exported motion."""
 
     samples: Samples
+    """Samples of the motion at the drive period."""
     points: SetPoints
+    """Integers in CSV and ST."""
     cam: Integers
+    """Integers in CAM, see `formats.cam_table`."""
     own: Samples
+    """Samples in TRAJECTORY, at the interpolation period."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fed:
-    """A loop that is fed from a file, judged by the planned motion; joint side, shape (n,) each.
-
-    Attributes:
-        source: the file, or the motion.
-        has_torque: whether a torque is fed forward.
-        position_off: how far its positions are from the motion that was exported, at most, in all
-            cycles [rad].
-        position_error: largest of the run, against the planned motion [rad].
-        speed_error: RMS of the run, likewise [rad/s].
-    """
+    """A run whose loop is fed from a file, compared with the planned motion; joint side."""
 
     source: str
+    """Name of the file, or "motion"."""
     has_torque: bool
+    """True if a torque is fed forward."""
     position_off: Array
+    """Largest distance of the file's positions from the exported motion [rad], shape (n,)."""
     position_error: Array
+    """Largest position error of the run against the planned motion [rad], shape (n,)."""
     speed_error: Array
+    """RMS speed error of the run against the planned motion [rad/s], shape (n,)."""
 
 
 def export(
@@ -80,29 +73,31 @@ def export(
     title: str,
     source: str = "drives",
 ) -> Exported:
-    """Write the motion of a design for its drives: CSV, ST, CAM and TRAJECTORY; all or none.
+    """Write the motion of a design as CSV, ST, CAM and TRAJECTORY; all files or none.
+
+    Torques are the nominal robot's inverse dynamics. With a learned reference, motion and torques
+    are those of its flights.
 
     Args:
-        design: whose motion it is, and whose nominal robot's inverse dynamics are the torques; with
-            what flights have taught, it is that motion, with the torques that they fed forward.
-        drives: of its joints.
-        folder: for the files.
-        cam_points: the most points of the cam table.
-        title: of the motion: that of the function block, and for errors.
-        source: of the drives, for errors.
+        design: design with the motion.
+        drives: drives of its joints.
+        folder: folder for the files.
+        cam_points: maximum number of points of the cam table.
+        title: title of the motion, for the function block and messages.
+        source: file of the drives, for messages.
 
     Returns:
-        What the files hold.
+        The contents of the files.
 
     Raises:
-        InputError: for a motion from or to motion, a cycle that is a million times in it, or
-            numbers beyond what a drive takes.
+        InputError: for a motion that does not start and end at rest, too short a cycle time, or
+            numbers beyond the limits of a drive.
     """
     robot, motion = design.nominal, design.motion
     if motion.duration > MAX_PERIODS * drives.cycle_time:
         raise InputError(
-            f"{source}: cycle_time: {drives.cycle_time:g} s, expected at least a {MAX_PERIODS}th "
-            f"of the motion's {motion.duration:g} s"
+            f"{source}: cycle_time: {drives.cycle_time:g} s, expected at least "
+            f"{motion.duration / MAX_PERIODS:g} s for a motion of {motion.duration:g} s"
         )
     with within(title):
         samples = _commanded(design, drives.cycle_time)
@@ -121,10 +116,10 @@ def export(
 
 
 def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:
-    """What is exported of a design, or how it stands still before.
+    """Return the exported samples of a design, or those of its standstill before the motion.
 
-    What flights have taught makes good for what their loop lacks: with torques that it did not
-    have, it would be made good for twice.
+    A learned reference already compensates for its loop's errors. Torques that this loop did not
+    have would compensate twice. So they are then those of the loop, not inverse dynamics.
     """
     robot, motion, tau_ff = design.nominal, design.motion, design.tau_ff
     taught = design.learned_torque is not None or motion is not design.wanted
@@ -136,15 +131,15 @@ def _commanded(design: Design, period: float, *, still: bool = False) -> Samples
 
 
 def cycles_in_a_period(design: Design, drives: Drives) -> int:
-    """Of the drives, in a period of the loop that is fed from their files."""
+    """Return the number of drive cycles per period of the loop that is fed from the files."""
     return max(1, round(design.motion.period / drives.cycle_time))
 
 
 def feed(design: Design, drives: Drives, exported: Exported) -> list[Fed]:
-    """Feed the scenario's loop from the motion and from what each file of `export` holds.
+    """Simulate the scenario's loop fed from the motion and from each file of `export`.
 
-    The loop runs at the multiple of the drives' cycle that is nearest to the scenario's period,
-    with the mean of the speeds in between; from TRAJECTORY at the period of the motion.
+    The loop's period is the multiple of the drive period nearest to the interpolation period, with
+    the mean of the speeds in between. For TRAJECTORY it is the interpolation period.
     """
     robot, whole = design.nominal, exported.samples
     m = cycles_in_a_period(design, drives)
@@ -164,10 +159,11 @@ def feed(design: Design, drives: Drives, exported: Exported) -> list[Fed]:
         motion, csv, *others = pool.map(
             lambda name: _fed(design, name, sources[name], off.get(name, nothing)), sources
         )
-    return [motion, csv, replace(csv, source=ST), *others]  # these two hold the same integers
+    return [motion, csv, replace(csv, source=ST), *others]  # CSV and ST have the same integers
 
 
 def _fed(design: Design, source: str, samples: Samples, position_off: Array) -> Fed:
+    """Simulate the loop fed from samples."""
     made = _fed_with(design, samples)
     recording = simulate(made)
     wanted = samples_of(design.nominal, design.wanted, samples.period)
@@ -181,7 +177,7 @@ def _fed(design: Design, source: str, samples: Samples, position_off: Array) -> 
 
 
 def _fed_with(design: Design, samples: Samples) -> Design:
-    """The design with another reference and torque feedforward, or none."""
+    """Return the design with samples as its reference and torque feedforward, if any."""
     period, v = samples.period, samples.v
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
     scenario = replace(design.scenario, learned="")
@@ -192,7 +188,7 @@ def _fed_with(design: Design, samples: Samples) -> Design:
 
 
 def write_read_back(path: Path, fed: Sequence[Fed]) -> None:
-    """Write what `feed` found as CSV: a row for each source and joint, joint side, exactly."""
+    """Write the results of `feed` as CSV: a row for each source and joint, full precision."""
     n = len(fed[0].position_off)
     columns = {
         "source": np.repeat([x.source for x in fed], n),

@@ -1,4 +1,4 @@
-"""Files for drives and controllers."""
+"""Write and read the file formats of drives and controllers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from sdt_drake.machine.drive_files.drives import OBJECTS, TORQUE, Drives
 from sdt_drake.machine.drive_files.set_points import Integers, Samples, SetPoints
 from sdt_drake.robot.robot import Robot
 
-_IN_A_LINE = 16  # values of an array
+_VALUES_PER_LINE = 16  # values of an array in a line of Structured Text
 
 
 def _columns(drives: Drives) -> list[tuple[str, int]]:
-    """Object and axis, from 0, of each column: all positions first, as drives are mapped."""
+    """Return object and axis (from 0) of each column: all positions first, as in PDO mappings."""
     return [
         (index, k)
         for index in OBJECTS
@@ -38,11 +38,11 @@ def _columns(drives: Drives) -> list[tuple[str, int]]:
 def write_drive_table(path: Path, robot: Robot, samples: Samples) -> None:
     """Write time [s], q_motor_k [rad], v_motor_k [rad/s], tau_motor_k [N m], all **motor side**.
 
-    q_motor = C q, v_motor = C v, tau = C' tau_motor, with C the robot's coupling (its gear ratios,
-    where no motor turns with another joint), and tau the full inverse dynamics, the motors' own
-    inertia included. So tau_motor is the whole torque of a motor, for the additive
-    torque set point of its drive; a pre-control by acceleration times inertia in the drive has to
-    be off then. A row holds until the next one; the last row has no acceleration any more.
+    q_motor = C q, v_motor = C v, tau = C' tau_motor. C is the robot's coupling: a diagonal matrix
+    of gear ratios unless a motor also turns with another joint. tau is the full inverse dynamics
+    with the inertia of the motors. So tau_motor is a motor's whole torque, for the additive torque
+    set point of its drive. Switch off any acceleration feedforward in the drive. A row holds until
+    the next one; the last row has no acceleration.
     """
     time = np.arange(float(len(samples.q))) * samples.period
     q, v, tau = (
@@ -57,7 +57,7 @@ def write_drive_table(path: Path, robot: Robot, samples: Samples) -> None:
 
 
 def write_csv(path: Path, drives: Drives, points: SetPoints) -> None:
-    """The cycle from 0, and `607Ah_k` and so on of the axes that read them: integers alone."""
+    """Write integers as CSV: the cycle from 0, and columns such as `607Ah_k` for each object."""
     columns = _columns(drives)
     table = [points.of_object(index)[:, k] for index, k in columns]
     table.insert(0, np.arange(len(points.position)))
@@ -69,17 +69,17 @@ def write_csv(path: Path, drives: Drives, points: SetPoints) -> None:
 
 
 def write_st(path: Path, drives: Drives, points: SetPoints, rest: SetPoints, title: str) -> None:
-    """A function block of IEC 61131-3 that plays its arrays, a row in each call.
+    """Write a function block of IEC 61131-3 that outputs one row of its arrays in each call.
 
-    Call it once per cycle. While Execute is FALSE its outputs are those of the first row of `rest`:
-    the first row of the motion has the speed and the torque of who already goes on from there.
+    The PLC calls it once per cycle. While Execute is FALSE the outputs are the first row of `rest`.
+    The motion's own first row already has the speed and the torque of the first cycle.
     """
     columns, last = _columns(drives), len(points.position) - 1
     outputs = {OBJECTS[index][0]: (index, _type_of(index)) for index, _ in columns}
     arrays, copies, still = [], [], []
     for index, k in columns:
         name, values = OBJECTS[index][0], points.of_object(index)[:, k].tolist()
-        rows = [values[i : i + _IN_A_LINE] for i in range(0, last + 1, _IN_A_LINE)]
+        rows = [values[i : i + _VALUES_PER_LINE] for i in range(0, last + 1, _VALUES_PER_LINE)]
         text = ",\n".join(f"    {', '.join(map(str, row))}" for row in rows)
         kind = f"ARRAY[0..{last}] OF {_type_of(index)}"
         arrays.append(f"  {name}_{k + 1} : {kind} := [\n{text}];")
@@ -108,9 +108,11 @@ def _type_of(index: str) -> str:
 # --- cam tables ------------------------------------------------------------------------------
 
 
-def cam_rows(samples: Samples, most: int) -> list[int]:
-    """Rows of a samples, at most `most` of them, between which cubics through position and speed
-    stay near it: one more each time in the middle of where they are farthest off [rad]."""
+def cam_rows(samples: Samples, count: int) -> list[int]:
+    """Return at most `count` rows whose cubics through position and speed approximate the samples.
+
+    Each row is added in the middle of the interval whose cubic is farthest off [rad].
+    """
 
     def gap(a: int, b: int) -> tuple[float, int, int]:
         ends = [a * samples.period, b * samples.period]
@@ -120,7 +122,7 @@ def cam_rows(samples: Samples, most: int) -> list[int]:
 
     last = len(samples.q) - 1
     rows, gaps = {0, last}, [gap(0, last)]
-    while len(rows) < most and gaps:
+    while len(rows) < count and gaps:
         _, a, b = heapq.heappop(gaps)
         middle = (a + b) // 2
         if middle > a:
@@ -130,17 +132,20 @@ def cam_rows(samples: Samples, most: int) -> list[int]:
     return sorted(rows)
 
 
-def cam_table(robot: Robot, drives: Drives, samples: Samples, most: int) -> Integers:
-    """At most `most` points for cubics: cycle (the master), and for each axis position [increments]
-    and speed [increments/s]; no torques."""
-    rows, per_rad = cam_rows(samples, most), drives.increments_per_rad(robot)
+def cam_table(robot: Robot, drives: Drives, samples: Samples, count: int) -> Integers:
+    """Return a cam table of at most `count` points for cubics, without torques.
+
+    Columns are the cycle (master), then positions [increments] and speeds [increments/s] of all
+    axes.
+    """
+    rows, per_rad = cam_rows(samples, count), drives.increments_per_rad(robot)
     position = np.round(drives.zeros() + samples.q[rows] @ per_rad.T)
     table = np.hstack([np.array(rows)[:, None], position, np.round(samples.v[rows] @ per_rad.T)])
     return table.astype(np.int64)
 
 
 def samples_from_cam(robot: Robot, drives: Drives, table: Integers) -> Samples:
-    """What cubics between the points of a `cam_table` command in each cycle, without a torque."""
+    """Return the samples that a `cam_table` commands in each cycle by cubics, without torques."""
     per_joint, cycles = np.linalg.inv(drives.increments_per_rad(robot)).T, table[:, 0]
     position, speed = np.hsplit(table[:, 1:], 2)
     cubics = PiecewisePolynomial.CubicHermite(
@@ -164,13 +169,13 @@ def write_cam(path: Path, table: Integers) -> None:
 
 
 def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> None:
-    """A trajectory_msgs/JointTrajectory as YAML, joint side in SI units; a point in a line.
+    """Write a trajectory_msgs/JointTrajectory as YAML, joint side in SI units, a point per line.
 
     Args:
-        path: of the file.
-        robot: whose joints are named.
-        samples: what its points are.
-        vd: accelerations [rad/s²], shape (N + 1, n).
+        path: path of the file.
+        robot: robot with the names of the joints.
+        samples: points of the trajectory.
+        vd: accelerations at the points [rad/s²], shape (N + 1, n).
     """
     with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
         file.write(f"joint_names: {json.dumps(list(robot.joint_names))}\npoints:\n")
@@ -179,7 +184,7 @@ def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> N
             point = dict(zip(_FIELDS, (values.tolist() for values in row), strict=True))
             since = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
             text = json.dumps(point | {"time_from_start": since})
-            # YAML 1.1, which ROS reads, takes 1e-05 for a text.
+            # YAML 1.1, which ROS reads, parses 1e-05 as a text.
             text = _NO_POINT.sub(r"\1.0e", text)
             file.write(f"- {text}\n")
 

@@ -1,4 +1,4 @@
-"""A motion as the integers that drives read in every cycle."""
+"""Convert a motion to the integers that drives read in every cycle, and back."""
 
 from __future__ import annotations
 
@@ -19,23 +19,20 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Position, speed and torque of all joints at equal steps of time, joint side.
-
-    Attributes:
-        period: of the rows [s].
-        q: [rad], shape (N + 1, n).
-        v: [rad/s], shape (N + 1, n).
-        tau: of motors and links, the motors' inertia included, or what else is fed forward [N m],
-            shape (N + 1, n).
-    """
+    """Position, speed and torque of all joints at equal time steps, joint side."""
 
     period: float
+    """Time between rows [s]."""
     q: Array
+    """Positions [rad], shape (N + 1, n)."""
     v: Array
+    """Speeds [rad/s], shape (N + 1, n)."""
     tau: Array
+    """Feedforward torques, such as inverse dynamics with the motors' inertia [N m],
+    shape (N + 1, n)."""
 
     def every(self, m: int) -> Samples:
-        """Every m-th row, with the mean speed up to the next one; it rests on its last row."""
+        """Return every m-th row, with the mean speed up to the next; the last row is repeated."""
         rows = m * -(-(len(self.q) - 1) // m) + 1
         q, v, tau = (
             np.pad(x, ((0, rows - len(x)), (0, 0)), mode="edge") for x in (self.q, self.v, self.tau)
@@ -45,23 +42,23 @@ class Samples:
 
 
 def samples_of(robot: Robot, motion: Motion, period: float, torque: Array | None = None) -> Samples:
-    """A motion at another period, by its own interpolation: its speeds are linear between samples.
+    """Return the samples of a motion at another period, by linear interpolation of its speeds.
 
-    It rests on the last sample for the rest of the last step.
+    The last sample is held until the end of the last step.
 
     Args:
-        robot: of the inverse dynamics.
-        motion: from rest to rest.
-        period: of the rows [s].
-        torque: at the samples of the motion, each held up to the next one, joint side [N m], shape
-            (N + 1, n); by default that of the inverse dynamics.
+        robot: robot of the inverse dynamics.
+        motion: motion from rest to rest.
+        period: time between rows [s].
+        torque: torques that are held from each sample of the motion to the next, joint side [N m],
+            shape (N + 1, n); inverse dynamics by default.
 
     Raises:
-        InputError: if it starts or ends in motion.
+        InputError: if the motion does not start and end at rest.
     """
     moving = ends_in_motion(robot, motion)
     if moving:
-        raise InputError(f"{moving[0]}, expected rest: no drive starts or ends in motion")
+        raise InputError(f"{moving[0]}, expected rest, as a drive starts and ends at rest")
     steps = np.ceil(motion.duration / period - 1e-6)
     t = np.minimum(np.arange(steps + 1) * period, motion.duration)
     held = np.minimum((t / motion.period + 1e-6).astype(int), len(motion.q) - 1)
@@ -75,55 +72,52 @@ def samples_of(robot: Robot, motion: Motion, period: float, torque: Array | None
 
 @dataclass(frozen=True, eq=False)
 class SetPoints:
-    """Integers of all axes, a row for each cycle; shape (N + 1, n) each.
-
-    Attributes:
-        position: increments, each rounded by itself: they do not drift.
-        speed: in the axis' unit: differences of the position on the grid of that unit, so that
-            speeds add up to the positions, to an increment; of the cycle that begins.
-        torque: per mille of the rated torque.
-    """
+    """Integers of all axes, a row for each cycle."""
 
     position: Integers
+    """Increments, shape (N + 1, n). Each is rounded by itself, so that errors do not add up."""
     speed: Integers
+    """Speeds of the cycle that begins, in the axis' unit, shape (N + 1, n): differences of
+    positions on the grid of that unit. So the sum of speeds follows the positions without drift."""
     torque: Integers
+    """Per mille of the rated torque, shape (N + 1, n)."""
 
     def of_object(self, index: str) -> Integers:
-        """What an object of OBJECTS holds."""
+        """Return the integers of one of OBJECTS."""
         return {POSITION: self.position, SPEED: self.speed, TORQUE: self.torque}[OBJECTS[index][1]]
 
 
 def set_points(robot: Robot, drives: Drives, samples: Samples) -> SetPoints:
-    """The integers for the drives of a robot; `samples` at their cycle time.
+    """Return the integers for the drives of a robot; `samples` must have their cycle time.
 
     Raises:
-        InputError: naming joint and time: beyond 32 or 16 bits of what a drive reads, or beyond its
-            largest torque.
+        InputError: with joint and time, for an integer beyond 32 bits (16 for torques) or a torque
+            beyond the drive's maximum.
     """
     exact = drives.zeros() + samples.q @ drives.increments_per_rad(robot).T
     grid = np.round(exact * (drives.speed_per_increment() / samples.period))
     speed = np.vstack([np.diff(grid, axis=0), np.zeros_like(grid[:1])])
     torque = np.round(samples.tau @ np.linalg.inv(drives.torque_per_mille(robot)))
-    for what, unit, values, most in (
-        ("position", "increments", exact, drives.most(POSITION, INT32)),
-        ("speed", "speed units", speed, drives.most(SPEED, INT32)),
-        ("torque", "per mille of the rated torque", torque, drives.most_per_mille()),
+    for what, unit, values, limit in (
+        ("position", "increments", exact, drives.max_integer(POSITION, INT32)),
+        ("speed", "speed units", speed, drives.max_integer(SPEED, INT32)),
+        ("torque", "per mille of the rated torque", torque, drives.max_per_mille()),
     ):
-        beyond = np.argwhere(np.abs(values) > most)
+        beyond = np.argwhere(np.abs(values) > limit)
         if len(beyond):
             i, k = beyond[0]
             raise InputError(
                 f"{robot.joint(k)} at {i * samples.period:.3f} s: {what} of "
-                f"{values[i, k]:.0f} {unit}, its drive takes {most[k]:.0f}"
+                f"{values[i, k]:.0f} {unit}, its drive accepts {limit[k]:.0f}"
             )
     return SetPoints(*(np.round(x).astype(np.int64) for x in (exact, speed, torque)))
 
 
 def samples_from(robot: Robot, drives: Drives, points: SetPoints, start: Array) -> Samples:
-    """What drives make of set points, joint side: those objects of it that each reads.
+    """Return the samples that drives follow when they read their objects of set points.
 
-    An axis without a position integrates its speeds, from `start` [rad], shape (n,); one without a
-    speed takes the differences of its positions, one without a torque none.
+    An axis without a position integrates its speeds from the joint angles `start` [rad], shape
+    (n,). One without a speed uses differences of positions, one without a torque none.
     """
     per_rad, period = drives.increments_per_rad(robot), drives.cycle_time
     per_speed, per_joint = drives.speed_per_increment(), np.linalg.inv(per_rad).T

@@ -1,1 +1,1 @@
-"""Flights get better by being flown: what repeats of their errors is learned away."""
+"""Iterative learning control: reduce the repeating part of the error from flight to flight."""

@@ -1,12 +1,12 @@
-"""The learning filter: the inverse of the loop's own linear model, as far as that can be trusted.
+"""The learning filter: the inverse of the loop's linear model, up to a frequency of trust.
 
-After flight j, what is learned (u) becomes
+After flight j, the learned signal u becomes
 
     u_(j+1) = Q (u_j - L e_j)
 
-with e the position error, achieved less wanted, that the encoders see, L the inverse of the loop's
-response G, and Q a zero-phase low-pass. So the error that repeats shrinks from flight to flight by
-Q (1 - L G), and what is above the bandwidth of Q is not learned. Bristow, Tharayil, Alleyne, "A
+Here e is the position error at the encoders (achieved minus planned), and L the inverse of the
+loop's response G. Q is a zero-phase low-pass filter. The repeating error shrinks by Q (1 - L G) in
+each flight. Above the bandwidth of Q nothing is learned. Source: Bristow, Tharayil, Alleyne, "A
 survey of iterative learning control", IEEE Control Systems Magazine 26(3), 2006.
 """
 
@@ -24,90 +24,93 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.learn.loops import LoopSet, frequencies, known_loop, responses
 from sdt_drake.run.design import Design
 
-_LEFT = 0.5  # of an error, at most, after a flight of a loop that is trusted; and of |G|, at least
-_SLOW = {"start": _LEFT, "mean": 0.02}
-"""Of the largest |G| of a torque, by the speeds that are held: where it is less, slow torques are
-the loop's own. A reference whose speeds are late by half a period stays late with any torque: what
-was fed forward against it would be taken back by the integral, up to the motor's limit."""
-_ORDER = 4  # of Q: a second-order Butterworth filter, forwards and backwards
-_MARGIN = 2.0  # s, at both ends: the kernels of L and Q have died away by then
+_MAX_REMAINDER = 0.5  # share of the error after a flight, for a loop that is trusted
+_MIN_ANSWER = 0.5  # |G| of the reference, for a loop that is trusted
+_MIN_TORQUE_ANSWER = {"start": 0.5, "mean": 0.02}
+"""Share of the largest |G| of a torque below which slow torques are not learned, by `held_speed`.
+
+A reference whose speeds are late by half a period stays late with any torque. The loop's integral
+would cancel a torque that is learned against this error, up to the motor's limit."""
+
+_ORDER = 4  # order of Q: a second-order Butterworth filter, forwards and backwards
+_MARGIN = 2.0  # s, at both ends: the kernels of L and Q are shorter
 
 
 class Bandwidth(NamedTuple):
-    """Up to where a joint's error is learned: [rad/s], and why not further."""
+    """The bandwidth up to which a joint's error is learned."""
 
     omega: float
+    """Bandwidth [rad/s]."""
     why: str
+    """Limit that determines the bandwidth."""
 
 
 @dataclass(frozen=True, eq=False)
 class LearningFilter:
-    """The learning filter L and the robustness filter Q of each joint.
-
-    Attributes:
-        omega: [rad/s], shape (m,).
-        inverse: L over `omega`, [rad/rad] or [N m/rad], shape (m, n).
-        answer: of positions to their reference, by the model [rad/rad], shape (m, n).
-        bandwidth: of Q, for each joint.
-        lowest: below which Q lets nothing through [rad/s], shape (n,); 0 for everything.
-        period: of the samples [s].
-        of: what is learned, one of `LEARNED`.
-    """
+    """The learning filter L and the robustness filter Q of each joint."""
 
     omega: Array
+    """Frequencies of the responses [rad/s], shape (m,)."""
     inverse: Complex
+    """L over `omega` [rad/rad] or [N m/rad], shape (m, n)."""
     answer: Complex
+    """Response of positions to their reference, by the model [rad/rad], shape (m, n)."""
     bandwidth: tuple[Bandwidth, ...]
+    """Bandwidth of Q of each joint."""
     lowest: Array
+    """Frequency below which Q blocks [rad/s], shape (n,); 0 if it passes all low frequencies."""
     period: float
+    """Sample period [s]."""
     of: str
+    """Learned signal, one of `LEARNED`."""
 
     def robustness(self, omega: Array) -> Array:
-        """Q [-], shape (len(omega), n)."""
+        """Return Q [-], shape (len(omega), n)."""
         cut = np.array([bandwidth.omega for bandwidth in self.bandwidth])
         with np.errstate(divide="ignore", invalid="ignore"):
             below = np.where(self.lowest > 0, (self.lowest / omega[:, None]) ** _ORDER, 0.0)
         return np.asarray(1 / ((1 + (omega[:, None] / cut) ** _ORDER) * (1 + below)))
 
     def contraction(self, response: Complex) -> Complex:
-        """Q (1 - L G) of a loop with the response G over `omega`, shape (m, n, n)."""
+        """Return Q (1 - L G) of a loop with the response G over `omega`, shape (m, n, n)."""
         robust, n = self.robustness(self.omega), len(self.bandwidth)
         return np.asarray(robust[:, :, None] * (np.eye(n) - self.inverse[:, :, None] * response))
 
     def next(self, learned: Array, error: Array) -> Array:
-        """What the next flight gets from what this one had and its error, shape (N + 1, n).
+        """Return the learned signal of the next flight, shape (N + 1, n).
 
-        Both ends are those of a motion at rest: before it, nothing was learned and nothing is off;
-        after it, both stay what they are at its end. At the start it sets in within a period of
-        the bandwidth, as a flight starts on the planned motion.
+        The motion starts and ends at rest: before it, signal and error are 0; after it, they keep
+        their last values. The result grows from 0 within a period of the bandwidth, since every
+        flight starts on the planned motion.
 
         Args:
-            learned: what this one had, [rad] or [N m].
-            error: achieved less wanted positions, as the encoders see them [rad].
+            learned: learned signal of this flight [rad] or [N m], shape (N + 1, n).
+            error: position error of this flight at the encoders [rad], shape (N + 1, n).
         """
         robust = self._filtered(learned, np.ones_like(self.inverse))
         return (robust - self._filtered(error, self.inverse)) * self.onset(len(error))
 
     def onset(self, count: int) -> Array:
-        """A weight from 0 at the first sample to 1 within a period of each joint's bandwidth,
-        (count, n)."""
+        """Return weights that grow from 0 to 1 within a period of the bandwidth, (count, n)."""
         cut = np.array([bandwidth.omega for bandwidth in self.bandwidth])
         share = np.arange(count)[:, None] * self.period * cut / (2 * np.pi)
         return np.asarray((1 - np.cos(np.pi * np.clip(share, 0, 1))) / 2)
 
     def _filtered(self, values: Array, gain: Complex) -> Array:
-        """Q and a gain over `omega`."""
+        """Return values filtered by Q and by a gain over `omega`."""
         return through(values, gain * self.robustness(self.omega), self.omega, self.period)
 
 
 def through(values: Array, gain: Complex, omega: Array, period: float) -> Array:
-    """Samples of a motion, before and after which they stay what they are, through a gain.
+    """Return the samples of a motion filtered by a gain.
+
+    Before and after the samples, their first and last values continue.
 
     Args:
-        values: shape (N + 1, n).
-        gain: of each column over `omega`, shape (m, n); at rest what it is at the lowest omega.
-        omega: growing [rad/s], shape (m,).
-        period: of the samples [s].
+        values: samples, shape (N + 1, n).
+        gain: gain of each column over `omega`, shape (m, n); the first one also below omega[0].
+        omega: growing frequencies [rad/s], shape (m,).
+        period: sample period [s].
     """
     margin = round(_MARGIN / period)
     back = (1 + np.cos(np.pi * np.linspace(0, 1, margin)))[:, None] / 2
@@ -125,24 +128,24 @@ def through(values: Array, gain: Complex, omega: Array, period: float) -> Array:
 def design_filter(
     design: Design, loops: Sequence[LoopSet], of: str, *, bandwidth: float | None = None
 ) -> LearningFilter:
-    """The filter for a loop, from what its engineer knows of it.
+    """Return the learning filter for a loop, from its model.
 
-    L inverts the mean response of each joint over the poses of the first set, the model. Q lets
-    through what is below all of
+    L inverts the mean response of each joint over the poses of the first loop set, the model. The
+    bandwidth of Q is the lowest of
 
-    - the structure's lowest natural frequency (`controller.omega_r`): a rigid model ends there;
-    - where the loop answers its reference by less than a half: the inverse asks for too much then;
-    - where any of the loops would leave more than half of an error, |1 - L G| > 1/2;
+    - the structure's lowest natural frequency (`controller.omega_r`), the limit of a rigid model;
+    - the frequency where the loop's response falls below 1/2, as its inverse becomes too large;
+    - the frequency where a flight would leave over half the error of any loop, |1 - L G| > 1/2;
     - half the Nyquist frequency.
 
     Args:
-        design: of the loop.
-        loops: of `loops_of`, for what is learned.
-        of: what is learned, one of `LEARNED`.
-        bandwidth: of Q for all joints instead [rad/s].
+        design: design of the loop.
+        loops: loop sets of `loops_of` for the learned signal.
+        of: learned signal, one of `LEARNED`.
+        bandwidth: bandwidth of Q for all joints, in place of the one above [rad/s].
 
     Raises:
-        InputError: for a bandwidth beyond the samples.
+        InputError: for a bandwidth that is not between 0 and the Nyquist frequency.
     """
     period, omega = design.motion.period, frequencies(design)
     mean = answer = _mean(loops[0].responses)
@@ -150,8 +153,8 @@ def design_filter(
         answer = _mean(responses(known_loop(design), "reference"))
     if bandwidth is not None and not 0 < bandwidth < np.pi / period:
         raise InputError(
-            f"--bandwidth: {bandwidth / (2 * np.pi):g} Hz, expected > 0 and less than half the "
-            f"rate of the samples, {0.5 / period:g} Hz"
+            f"--bandwidth: {bandwidth / (2 * np.pi):g} Hz, expected > 0 and < {0.5 / period:g} Hz, "
+            "half the sample rate"
         )
     if bandwidth is not None:
         chosen = [Bandwidth(bandwidth, "as given")] * design.robot.n
@@ -165,17 +168,17 @@ def design_filter(
     size = np.abs(mean)
     lowest = np.zeros(design.robot.n)
     if of == "torque":
-        slow = _SLOW[design.scenario.held_speed]
-        lowest = omega[(size > slow * size.max(axis=0)).argmax(axis=0)]
+        share = _MIN_TORQUE_ANSWER[design.scenario.held_speed]
+        lowest = omega[(size > share * size.max(axis=0)).argmax(axis=0)]
     return LearningFilter(omega, 1 / mean, answer, tuple(chosen), lowest, period, of)
 
 
 def _trusted(design: Design, omega: Array, answer: Array, spread: Array) -> Bandwidth:
-    """Up to where a joint's model is trusted."""
+    """Return the bandwidth up to which a joint's model is trusted."""
     limits = [
-        Bandwidth(np.pi / design.motion.period / 2, "the period of the samples"),
-        Bandwidth(_first(omega, answer < _LEFT), "the loop's own bandwidth"),
-        Bandwidth(_first(omega, spread > _LEFT), "the spread of the loops"),
+        Bandwidth(np.pi / design.motion.period / 2, "the sample period"),
+        Bandwidth(_first(omega, answer < _MIN_ANSWER), "the loop's own bandwidth"),
+        Bandwidth(_first(omega, spread > _MAX_REMAINDER), "the spread of the loops"),
     ]
     if design.omega_r is not None:
         limits.append(Bandwidth(design.omega_r, "the structure's natural frequency"))
@@ -183,44 +186,42 @@ def _trusted(design: Design, omega: Array, answer: Array, spread: Array) -> Band
 
 
 def _mean(every: Sequence[Complex]) -> Complex:
-    """Of each joint to itself, over the poses, shape (m, n)."""
+    """Return the mean response of each joint to its own input over the poses, shape (m, n)."""
     return np.asarray(np.mean([_own(response) for response in every], axis=0))
 
 
 def _own(response: Complex) -> Complex:
-    """Of each joint to itself, shape (m, n)."""
+    """Return the response of each joint to its own input, shape (m, n)."""
     return np.asarray(np.einsum("mkk->mk", response))
 
 
 def _first(omega: Array, where: NDArray[np.bool_]) -> float:
+    """Return the first frequency where a mask is true; infinity if there is none."""
     return float(omega[where.argmax()]) if where.any() else float("inf")
 
 
-# --- whether it converges ------------------------------------------------------------------------
+# --- convergence ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """The share of an error that is left by a flight, |Q (1 - L G)|, of the worst loop of a set.
-
-    Attributes:
-        loops: the set.
-        share: of each joint alone, over the filter's frequencies [-], shape (m, n).
-        together: of all joints with what they do to each other: the spectral radius [-], (m,).
-    """
+    """The share of an error that remains after a flight, |Q (1 - L G)|, for a set's worst loop."""
 
     loops: LoopSet
+    """The loop set."""
     share: Array
+    """Remaining share of each joint alone, over the filter's frequencies [-], shape (m, n)."""
     together: Array
+    """Remaining share of all joints with their coupling: the spectral radius [-], shape (m,)."""
 
     @property
     def largest(self) -> float:
-        """Below 1, every error shrinks [-]."""
+        """Largest remaining share [-]; below 1, learning converges."""
         return float(max(self.share.max(), self.together.max()))
 
 
 def convergence(filter_: LearningFilter, loops: LoopSet) -> Convergence:
-    """How fast a filter converges on loops that are linear, and that all flights share."""
+    """Return the convergence of a filter for a set of linear, time-invariant loops."""
     share = np.zeros((len(filter_.omega), len(filter_.bandwidth)))
     together = np.zeros(len(filter_.omega))
     for response in loops.responses:
@@ -231,24 +232,26 @@ def convergence(filter_: LearningFilter, loops: LoopSet) -> Convergence:
 
 
 def refuse_divergence(checks: Sequence[Convergence], filter_: LearningFilter) -> None:
-    """Raise InputError if an error could grow: naming the loops, the joint and the frequency; or if
-    motors of the one device that is going to fly would saturate, whatever is learned."""
+    """Raise InputError if learning does not converge, with the loops, joint and frequency.
+
+    A single device must also have enough torque for the motion: saturated motors cannot learn.
+    """
     for check in checks:
         name = check.loops.name
         if check.largest >= 1:
             i = int(np.maximum(check.share.max(axis=1), check.together).argmax())
             k = int(check.share[i].argmax())
-            who = f"joint {k + 1}" if check.share[i, k] >= 1 else "the joints together"
+            where = f"joint {k + 1}" if check.share[i, k] >= 1 else "the joints together"
             raise InputError(
-                f"learning does not converge for {name}: {who} would keep {check.largest:.3g} of "
-                f"an error at {filter_.omega[i] / (2 * np.pi):.3g} Hz, expected less than 1: a "
-                "lower --bandwidth, or a better model"
+                f"learning does not converge for {name}: {where} would keep {check.largest:.3g} of "
+                f"an error at {filter_.omega[i] / (2 * np.pi):.3g} Hz, expected less than 1; use "
+                "a lower --bandwidth or a better model"
             )
         k = int(check.loops.demand.max(axis=0).argmax())
         demand = check.loops.demand[:, k].max()
         if check.loops.devices == 1 and demand > 1:
             raise InputError(
-                f"learning does not converge for {name}: the motion takes {100 * demand:.1f} % of "
-                f"the torque of motor {k + 1}, which saturates whatever is learned; expected a "
-                "slower motion, or a lower torque_margin"
+                f"learning does not converge for {name}: the motion needs {100 * demand:.1f} % of "
+                f"the torque of motor {k + 1}, which always saturates; plan a slower motion, or "
+                "use a lower torque_margin"
             )

@@ -1,4 +1,4 @@
-"""Flights of a simulated device, each with what the ones before have taught."""
+"""Flights of a simulated device, each with the reference learned from earlier ones."""
 
 from __future__ import annotations
 
@@ -19,53 +19,50 @@ from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.design import Design
 from sdt_drake.run.simulate import simulate
 
-_HALVINGS = 12  # until the share of a step is found
-_GAIN = 0.05  # of the error, which a flight must take off for another one
-_NEAR = 0.5  # of a step; where no more of it is left a limit is near
+_HALVINGS = 12  # in the search for the largest share of a step
+_MIN_GAIN = 0.05  # share of the error that a flight must remove for another one
+_MIN_STEP = 0.5  # share of a step; limits that allow less end the learning
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What came of a flight.
-
-    Attributes:
-        number: from 1, which is of the planned motion.
-        learned: what it was given.
-        error: achieved less wanted positions, of links, joint side [rad], shape (N + 1, n).
-        seen: the same as the encoders see it, which is what is learned from [rad].
-        largest: |error| [rad], shape (n,).
-        rms: of the error [rad], shape (n,).
-        felt: share of time in which the error could be felt [-]; NaN without a head.
-        peak: largest torque of the motors over what they can give [-], shape (n,).
-        saturated: share of the time in which a motor gives less than is asked [-], shape (n,).
-    """
+    """The result of a flight."""
 
     number: int
+    """Number of the flight, from 1; the first one follows the planned motion."""
     learned: LearnedReference
+    """Learned reference that was flown."""
     error: Array
+    """Position error of the links (achieved minus planned), joint side [rad], shape (N + 1, n)."""
     seen: Array
+    """Position error at the encoders, from which is learned [rad], shape (N + 1, n)."""
     largest: Array
+    """Largest |error| [rad], shape (n,)."""
     rms: Array
+    """RMS of the error [rad], shape (n,)."""
     felt: float
+    """Share of time in which the error can be felt [-]; NaN without a head."""
     peak: Array
+    """Largest motor torque over the available torque [-], shape (n,)."""
     saturated: Array
+    """Share of time in which a motor is at its torque limit [-], shape (n,)."""
 
     @property
     def score(self) -> float:
-        """RMS error of all joints [rad]: less is better."""
+        """RMS error of all joints [rad]; less is better."""
         return float(np.sqrt(np.mean(self.rms**2)))
 
 
 def fly(design: Design, number: int) -> Flight:
-    """Run a design along its motion."""
-    recording, wanted = simulate(design), design.wanted.q
-    error = recording.q - wanted
+    """Simulate a design and return the result as a flight."""
+    recording, planned = simulate(design), design.wanted.q
+    error = recording.q - planned
     felt = track_head(recording, design.robot).felt.share if has_head(design.robot) else np.nan
     return Flight(
         number=number,
         learned=LearnedReference(design.motion, design.learned_torque),
         error=error,
-        seen=error if recording.q_measured is None else recording.q_measured - wanted,
+        seen=error if recording.q_measured is None else recording.q_measured - planned,
         largest=np.abs(error).max(axis=0),
         rms=np.sqrt(np.mean(error**2, axis=0)),
         felt=felt,
@@ -75,33 +72,30 @@ def fly(design: Design, number: int) -> Flight:
 
 
 class Step(NamedTuple):
-    """What is learned from one flight for the next.
-
-    Attributes:
-        learned: what the next one gets.
-        share: of the step that is taken [-]; torques are cut off instead.
-        limit: which is in the way of all of it; "" for none.
-    """
+    """A learning step from one flight to the next."""
 
     learned: LearnedReference
+    """Learned reference of the next flight."""
     share: float
+    """Share of the full step that the limits allow [-]; 1 for torques, which are clipped."""
     limit: str
+    """Limit that prevents the full step; "" for none."""
 
     @property
     def note(self) -> str:
-        """What was not taken of it, and why; "" for nothing."""
+        """Note on a reduced step and its limit; "" for a full step."""
         if self.share < 1:
-            return f"scaled back to {int(100 * self.share)} % of the step, {self.limit}"
-        return f"torque cut off, {self.limit}" if self.limit else ""
+            return f"step reduced to {int(100 * self.share)} %: {self.limit}"
+        return f"torque clipped: {self.limit}" if self.limit else ""
 
 
 def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
-    """What the next flight gets, as much of it as keeps the planner's limits.
+    """Return the learning step to the next flight, reduced until it is within the limits.
 
     Args:
-        design: of the flight.
-        filter_: for its loop.
-        error: achieved less wanted positions, as the encoders see them [rad], shape (N + 1, n).
+        design: design of the flight.
+        filter_: learning filter for its loop.
+        error: position error at the encoders (achieved minus planned) [rad], shape (N + 1, n).
     """
     if filter_.of == "torque":
         before = np.zeros_like(error) if design.learned_torque is None else design.learned_torque
@@ -112,7 +106,7 @@ def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
     scenario = design.scenario
 
     def part(share: float) -> LearnedReference:
-        """With a share of the step, where that is within all limits."""
+        """Return the reference with a share of the step; InputError beyond a limit."""
         motion = _beside(design.wanted, before + share * change, filter_)
         learned = LearnedReference(motion, design.learned_torque)
         learned.check(design.wanted, design.nominal, torque_margin=scenario.torque_margin)
@@ -131,17 +125,17 @@ def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
     return step
 
 
-def _beside(wanted: Motion, change: Array, filter_: LearningFilter) -> Motion:
-    """A motion with a change of its positions [rad] that starts at 0 and ends at rest."""
+def _beside(planned: Motion, change: Array, filter_: LearningFilter) -> Motion:
+    """Return a motion with a change of positions [rad] that starts at 0 and ends at rest."""
     ends = np.vstack([change[:1], change, change[-1:]])
-    speed = (ends[2:] - ends[:-2]) / (2 * wanted.period)
+    speed = (ends[2:] - ends[:-2]) / (2 * planned.period)
     speed[0] = 0.0
     speed *= filter_.onset(len(change))[::-1]
-    return Motion.from_speeds(wanted.period, wanted.q[0], wanted.v + speed)
+    return Motion.from_speeds(planned.period, planned.q[0], planned.v + speed)
 
 
 def _torque_step(design: Design, torque: Array) -> Step:
-    """A torque [N m], motor side, cut off where a motor has no more."""
+    """Return the step to a learned torque, motor side [N m], clipped to the available torque."""
     robot = as_driven(design.nominal, design.scenario.drive)
     available = robot.torque_range(design.motion.v, design.scenario.torque_margin)
     least, most = (limit / robot.gear_ratio for limit in available)
@@ -163,14 +157,14 @@ def learn(
     stops: bool = True,
     report: Callable[[Lessons], None] = lambda lessons: None,
 ) -> Lessons:
-    """Fly, learn, fly again.
+    """Simulate flights and learn from each for the next.
 
     Args:
-        design: of the first flight, with what was learned before, if anything.
-        filter_: for its loop.
-        count: of flights, at most.
-        stops: whether to stop where another flight is not worth it; see `reason_to_stop`.
-        report: called after each flight, with all so far.
+        design: design of the first flight, with an earlier learned reference if there is one.
+        filter_: learning filter for its loop.
+        count: maximum number of flights.
+        stops: whether to stop by `reason_to_stop`.
+        report: callback after each flight, with all flights so far.
     """
     lessons = Lessons((fly(design, 1),), (), "")
     while True:
@@ -186,34 +180,31 @@ def learn(
 
 
 def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:
-    """Why another flight is not worth it; "" if it is."""
+    """Return the reason why another flight would not help; "" if it would."""
     last = flights[-1]
     if last.felt == 0:
-        return "nobody feels what is left of the error"
+        return "the remaining error cannot be felt"
     if len(flights) > 1:
         best = min(flight.score for flight in flights[:-1])
         if last.score > best:
-            return "the error has grown; what the best flight had is kept"
-        if last.score > (1 - _GAIN) * best:
-            return f"the last flight took less than {100 * _GAIN:g} % off the error"
-    if steps and steps[-1].share < _NEAR:
+            return "the error has grown; the reference of the best flight is kept"
+        if last.score > (1 - _MIN_GAIN) * best:
+            return f"the last flight reduced the error by less than {100 * _MIN_GAIN:g} %"
+    if steps and steps[-1].share < _MIN_STEP:
         return f"a limit is near: {steps[-1].limit}"
     return ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lessons(Shown):
-    """Flights one after the other, and what was learned.
-
-    Attributes:
-        flights: in their order.
-        steps: to each flight but the first.
-        reason: why they ended before their count; "" if they did not.
-    """
+    """A series of flights with the learning steps between them."""
 
     flights: tuple[Flight, ...]
+    """Flights in their order."""
     steps: tuple[Step, ...]
+    """Steps to each flight but the first."""
     reason: str
+    """Reason for stopping before the maximum number of flights; "" if none."""
 
     def summary(self) -> Summary:
         rows = [

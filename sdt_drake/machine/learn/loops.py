@@ -1,4 +1,4 @@
-"""The loops that learning has to do with, as known, as simulated, as uncertain: sampled, linear."""
+"""Sampled linear loops for learning: of the model, the simulated robot and uncertain devices."""
 
 from __future__ import annotations
 
@@ -19,57 +19,52 @@ from sdt_drake.run.design import Design
 from sdt_drake.systems.state_space import StateSpace
 
 LEARNED = ("reference", "torque")
-"""What can be learned: a change of the reference's positions [rad], joint side, or of the torque
-feedforward [N m], motor side; both at the interpolation period."""
+"""Signals that can be learned: a change of the reference's positions [rad], joint side, or of the
+torque feedforward [N m], motor side; both at the interpolation period."""
 
 POINTS = 300
-"""Of frequency."""
+"""Number of frequencies in a response."""
 
-_LARGEST_POLE = 1 + 1e-9  # that of the integral which a speed loop has beside the position is 1
-_LOWEST = 0.1  # rad/s
-_HIGHEST = 0.9  # of the Nyquist frequency, where samples can command no speed
+_MAX_POLE = 1 + 1e-9  # magnitude; a speed loop has a pole at 1, the integral of its speed
+_MIN_OMEGA = 0.1  # rad/s
+_MAX_SHARE = 0.9  # share of the Nyquist frequency, at which samples cannot command a speed
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSet:
-    """Responses of loops that go by one name.
-
-    Attributes:
-        name: for people.
-        devices: how many devices they are of.
-        responses: each over `frequencies`, of a device in a pose.
-        demand: largest share of each motor's torque that the motion takes of a device [-], shape
-            (devices, n).
-    """
+    """A set of loop responses of one or several devices."""
 
     name: str
+    """Name of the set in reports and messages."""
     responses: tuple[Complex, ...]
+    """Response over `frequencies` for each device and pose, shape (m, n, n) each."""
     demand: Array
+    """Largest share of each motor's torque that the motion needs [-], shape (devices, n)."""
 
     @property
     def devices(self) -> int:
-        """How many devices the loops are of."""
+        """Number of devices."""
         return len(self.demand)
 
     @property
     def title(self) -> str:
-        """The name of the set, with how many devices it is of."""
+        """Name of the set, with the number of devices if there are several."""
         return f"{self.name} ({self.devices})" if self.devices > 1 else self.name
 
 
 def loop_set(name: str, designs: Sequence[Design], of: str) -> LoopSet:
-    """The loops of some devices to what is learned, in their poses."""
+    """Return the responses of some devices to the learned signal `of`, in all poses."""
     with within(f"learning does not converge for {name}"):
         every = [response for design in designs for response in responses(design, of)]
     return LoopSet(name, tuple(every), np.stack([demand(design) for design in designs]))
 
 
 def demand(design: Design) -> Array:
-    """Largest share of the motors' torque that the planned motion takes of what moves [-], (n,).
+    """Return the largest share of the motors' torque that the planned motion needs [-], (n,).
 
-    Of what the torque-speed envelope leaves to drive with, if there is one. With sliding friction,
-    and the disturbance at its worst. Where it is above 1 motors saturate, whatever the reference:
-    linear models end there, and with them learning.
+    It is the torque of the simulated robot, with sliding friction and the worst disturbance, over
+    the torque that the torque-speed envelope allows. Above 1 a motor saturates with any reference,
+    and the linear models of learning do not hold.
     """
     motion, robot = design.wanted, design.robot
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
@@ -77,20 +72,20 @@ def demand(design: Design) -> Array:
         torque = torque + sliding_friction(design.friction, motion.v)
     load = design.scenario.disturbance.amplitude * design.loads.load_torque * robot.gear_ratio
     lowest, highest = as_driven(robot, design.scenario.drive).torque_range(motion.v)
-    asked, available = np.abs(torque) + np.abs(load), np.where(torque > 0, highest, -lowest)
-    nothing = np.where(asked <= TORQUE_TOLERANCE, 0.0, np.inf)
-    return np.asarray(np.divide(asked, available, out=nothing, where=available > 0).max(axis=0))
+    needed, available = np.abs(torque) + np.abs(load), np.where(torque > 0, highest, -lowest)
+    share = np.where(needed <= TORQUE_TOLERANCE, 0.0, np.inf)  # where no torque is available
+    return np.asarray(np.divide(needed, available, out=share, where=available > 0).max(axis=0))
 
 
 def loops_of(
     design: Design, of: str, *, devices: Mapping[str, Sequence[Design]] | None = None
 ) -> list[LoopSet]:
-    """The loops that a filter has to converge for; first the one that it is made of.
+    """Return the loop sets for which a filter must converge. The first one is the model.
 
     Args:
-        design: of the loop.
-        of: what is learned, one of `LEARNED`.
-        devices: further designs by the name of the group.
+        design: design of the loop.
+        of: learned signal, one of `LEARNED`.
+        devices: further designs by name of the loop set.
 
     Raises:
         InputError: for an unstable loop.
@@ -105,19 +100,18 @@ def loops_of(
 
 
 def responses(design: Design, of: str) -> tuple[Complex, ...]:
-    """Responses of a device to what is learned, in its poses."""
+    """Return the responses of a device to the learned signal `of`, one for each pose."""
     omega = frequencies(design)
     return tuple(position_response(design, pose, omega, of=of) for pose in poses(design))
 
 
 def frequencies(design: Design) -> Array:
-    """Frequencies at which loops are known [rad/s]: below the Nyquist frequency, shape
-    (POINTS,)."""
-    return np.geomspace(_LOWEST, _HIGHEST * np.pi / design.motion.period, POINTS)
+    """Return the frequencies of responses [rad/s], below the Nyquist frequency, (POINTS,)."""
+    return np.geomspace(_MIN_OMEGA, _MAX_SHARE * np.pi / design.motion.period, POINTS)
 
 
 def known_loop(design: Design) -> Design:
-    """The loop as its engineer knows it: what moves is the controller's model of it."""
+    """Return the design whose simulated robot is the controller's model."""
     scenario = copy.deepcopy(design.scenario)
     scenario.plant.deviation = scenario.controller.model
     scenario.plant.friction, scenario.controller.friction_compensation = Friction(), False
@@ -126,7 +120,7 @@ def known_loop(design: Design) -> Design:
 
 
 def poses(design: Design) -> list[int]:
-    """Samples of the motion at which the inertia of any joint is largest or smallest."""
+    """Return the samples of the motion at which a joint's inertia is largest or smallest."""
     d_kk = design.torques.d_kk
     return sorted({*d_kk.argmax(axis=0).tolist(), *d_kk.argmin(axis=0).tolist()})
 
@@ -137,37 +131,38 @@ def poses(design: Design) -> list[int]:
 def position_response(
     design: Design, sample: int, omega: Array, *, of: str = "reference"
 ) -> Complex:
-    """Positions that the encoders see over what is learned, around a sample of the motion at rest.
+    """Return the response of encoder positions to the learned signal, at rest in one pose.
 
-    Exact at the interpolation period, with its hold, with the samples of drive and position loop
-    and with the torque that the controller feeds forward of its own model of the robot. Without
-    friction but for its viscous part, limits, velocity torques and increments of encoders.
+    It is exact at the interpolation period: with its hold, the samples of drive and position loop,
+    and the feedforward of the controller's model. It includes viscous friction only, and neither
+    limits nor velocity torques nor encoder increments.
 
     Args:
-        design: of the loop.
-        sample: of the motion.
-        omega: [rad/s], shape (m,), up to the Nyquist frequency.
-        of: one of LEARNED.
+        design: design of the loop.
+        sample: sample of the motion, which gives the pose.
+        omega: frequencies up to the Nyquist frequency [rad/s], shape (m,).
+        of: learned signal, one of `LEARNED`.
 
     Returns:
-        [rad/rad] or [rad/(N m)], shape (m, n, n): joint of the position, joint of what is learned.
+        Response [rad/rad] or [rad/(N m)], shape (m, n, n): joint of the position, joint of the
+        learned signal.
 
     Raises:
-        InputError: if the loop is unstable there: it answers nothing.
+        InputError: if the loop is unstable in this pose.
     """
     n, period = design.robot.n, design.motion.period
     loop = _sampled_loop(design, sample)
-    if np.abs(np.linalg.eigvals(loop.A)).max() > _LARGEST_POLE:
+    if np.abs(np.linalg.eigvals(loop.A)).max() > _MAX_POLE:
         raise InputError(
-            f"unstable loop at {design.motion.time[sample]:.3f} s of the motion, expected gains "
-            "that keep it stable, or a better model"
+            f"unstable loop at {design.motion.time[sample]:.3f} s of the motion, expected a stable "
+            "one; use other gains or a better model"
         )
     response = loop.response(omega)
-    # What is late by a part of a period is taken for late altogether.
+    # A delay of a part of a period acts on the whole response (approximation).
     response = response * np.exp(-1j * omega * design.drive.reference_delay)[:, None, None]
     if of == "torque":
         return response[:, :, 3 * n :]
-    # u at the samples makes the reference of `Motion.from_positions`.
+    # Samples of u change the reference as `Motion.from_positions` does.
     z = np.exp(1j * omega * period)[:, None, None]
     q_ref, v_ref = (z + 2 + 1 / z) / 4, (z - 1 / z) / (2 * period)
     vd_ref = (z - 1) / period * v_ref
@@ -178,8 +173,10 @@ def position_response(
 
 
 def _sampled_loop(design: Design, sample: int) -> StateSpace:
-    """From [q_ref, v_ref, vd_ref (3n), added torque (n)], held, to the positions that the encoders
-    see (n), at the interpolation period."""
+    """Return the loop at the interpolation period, with held inputs.
+
+    Inputs are q_ref, v_ref, vd_ref and an additional torque (4n), outputs encoder positions (n).
+    """
     n = design.robot.n
     loop = linearise(design, sample).whole().sampled(design.reference.period)
     from_reference, from_torque = np.hsplit(loop.B, [3 * n])
@@ -193,10 +190,10 @@ def _sampled_loop(design: Design, sample: int) -> StateSpace:
 
 
 def _feedforward(design: Design, sample: int) -> Array:
-    """Torque that is fed forward over [q_ref, v_ref, vd_ref], motor side, shape (n, 3n).
+    """Return the derivative of the fed-forward torque by [q_ref, v_ref, vd_ref], shape (n, 3n).
 
-    At rest nothing depends on the speed. Of Algorithm 1 it is the load that no other motor takes
-    off: its branches have no derivative. Friction that is compensated has none either.
+    Motor side. At rest it does not depend on the speed. Algorithm 1 contributes the load of other
+    joints. Its branches and compensated friction have no derivative.
     """
     choice, n, model = design.scenario.controller, design.robot.n, design.model
     kind, q = choice.feedforward_in_use, design.motion.q[sample]

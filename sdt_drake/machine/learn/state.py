@@ -1,8 +1,8 @@
-"""Learning from recordings of a real machine, a flight at a time: what is known between flights.
+"""The state of learning from recordings of a real machine, kept in a folder between flights.
 
-A folder holds the scenario, and of each flight, numbered from 1, what it was given
-(`reference_02.csv`; the first flies the planned motion) and what came of it (`flight_01.yaml`,
-written last). Nothing in it is ever changed. Who learns has it alone meanwhile.
+The folder contains the scenario and two files for each flight, numbered from 1. They are its
+reference (`reference_02.csv`; the first flight follows the planned motion) and its result
+(`flight_01.yaml`, written last). Files are never changed. A learning process locks the folder.
 """
 
 import itertools
@@ -36,63 +36,63 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
 
 SCENARIO = "scenario.yaml"
-_GROWN = 1.05  # of the error of the best flight
-_GAIN = 0.95
+_MAX_GROWTH = 1.05  # error over that of the best flight
+_MAX_REMAINDER = 0.95  # error over that of the best flight, for another flight to be worthwhile
 
 
 @dataclass(kw_only=True)
 class FlightRecord(Input):
-    """What came of a real flight, by its recordings; a file of it lies in the folder of the
-    learning.
-    """
+    """The result of a real flight from its recordings: one file in the folder of the learning."""
 
     reference: int = setting(1, ge=1)
-    """Number of the reference that was flown; 1 is the planned motion."""
+    """Number of the flown reference; 1 is the planned motion."""
     recordings: int = setting(1, ge=1)
-    """How many there are of it."""
+    """Number of recordings of the flight."""
     largest: EachJoint[NotNegative] = setting(unit="rad", side="joint")
-    """|error| of their mean."""
+    """Largest |error| of the recordings' mean."""
     rms: EachJoint[NotNegative] = setting(unit="rad", side="joint")
-    """RMS error that repeats, of the mean without what noise leaves in it."""
+    """RMS error that repeats: that of the mean, less the remaining noise."""
     floor: EachJointOrNone[NotNegative] = setting([], unit="rad", side="joint")
-    """RMS error that does not repeat, with several recordings."""
+    """RMS error that does not repeat; only with several recordings."""
     shifts: list[Number] = setting([], unit="s")
-    """When the motion begins in each recording."""
+    """Start of the motion in each recording."""
 
     @property
     def score(self) -> float:
-        """RMS error of all joints that repeats [rad]: less is better."""
+        """RMS of the repeating error of all joints [rad]; less is better."""
         return math.sqrt(sum(x * x for x in self.rms) / max(1, len(self.rms)))
 
     def flown(self, folder: Path) -> Path | str:
-        """The reference that was flown, for people; folder: of the learning."""
+        """Return "the planned motion", or the file of the flown reference in a folder."""
         is_planned = self.reference == 1
         return "the planned motion" if is_planned else reference_file(folder, self.reference)
 
     @property
     def noise(self) -> float:
-        """Noise of the mean of the recordings, RMS of all joints [rad]; 0 where it is not known."""
+        """RMS noise of the recordings' mean over all joints [rad]; 0 for a single recording."""
         mean = sum(x * x for x in self.floor) / max(1, len(self.floor))
         return math.sqrt(mean / self.recordings)
 
 
 class State(NamedTuple):
-    """What a folder knows: flights so far, and what may be flown next."""
+    """The state of a learning: the flights so far, and the references that may be flown next."""
 
     flights: list[FlightRecord]
+    """Results of the flights."""
     references: list[LearnedReference]
+    """References of all flights and of the next one; the first is the planned motion."""
 
     @property
     def best(self) -> FlightRecord:
-        """The flight with the least error that repeats."""
+        """The flight with the smallest repeating error."""
         return min(self.flights, key=lambda flight: flight.score)
 
 
 def read_state(folder: Path, design: Design) -> State:
-    """The state of a learning that a folder holds, which may still be empty.
+    """Read the state of a learning from its folder, which may be empty.
 
     Raises:
-        InputError: naming a file that is missing, or was learned of another motion.
+        InputError: with the file, if it is missing or belongs to another motion.
     """
     references = [LearnedReference(design.motion, design.learned_torque)]
     flights: list[FlightRecord] = []
@@ -101,7 +101,9 @@ def read_state(folder: Path, design: Design) -> State:
         flight, _ = load_yaml(FlightRecord, file)
         check(flight, str(file), design.robot.n)
         if flight.reference > len(references):
-            raise InputError(f"{file}: reference: {flight.reference}, there is none yet")
+            raise InputError(
+                f"{file}: reference: {flight.reference}, expected 1 to {len(references)}"
+            )
         flights.append(flight)
         path = reference_file(folder, number + 1)
         margin = design.scenario.torque_margin
@@ -110,32 +112,29 @@ def read_state(folder: Path, design: Design) -> State:
 
 
 def count_flights(folder: Path) -> int:
-    """How many flights a folder knows."""
+    """Return the number of flights in a folder."""
     return next(i for i in itertools.count() if not flight_file(folder, i + 1).exists())
 
 
 def flight_file(folder: Path, number: int) -> Path:
-    """The file of what came of a flight."""
+    """Return the path of a flight's result."""
     return folder / f"flight_{number:02d}.yaml"
 
 
 def reference_file(folder: Path, number: int) -> Path:
-    """The file of the reference that a flight is given; the first flies the planned motion."""
+    """Return the path of a flight's reference. The first flight has none: it is planned."""
     return folder / f"reference_{number:02d}.csv"
 
 
 class Taught(NamedTuple):
-    """What recordings of a flight have taught.
-
-    Attributes:
-        flight: what came of it.
-        step: to the next one.
-        notes: for people.
-    """
+    """The result of learning from the recordings of a flight."""
 
     flight: FlightRecord
+    """Result of the flight."""
     step: Step
+    """Learning step to the next flight."""
     notes: list[str]
+    """Remarks for the user."""
 
 
 def teach(
@@ -145,19 +144,19 @@ def teach(
     recordings: Sequence[Recorded],
     known: int | None = None,
 ) -> Taught:
-    """Learn from recordings of the flight that comes next, or of an earlier one again.
+    """Learn from recordings of the next flight, or of an earlier reference flown again.
 
     Args:
-        design: of the loop.
-        filter_: for it.
-        state: so far.
-        recordings: of one flight each, all of the same reference.
-        known: how many flights the state had when they were there already; by default all. No
-            later reference was flown, and the last one before is expected.
+        design: design of the loop.
+        filter_: learning filter for the loop.
+        state: state before the flight.
+        recordings: recordings of one flight each, all of the same reference.
+        known: number of flights in the state when the recordings were made; all by default. Later
+            references are left out, and the last one before is expected.
 
     Raises:
-        InputError: naming the file: what `match` refuses; a recording that is there twice;
-            recordings of different references; an error that has grown.
+        InputError: with the file: as in `match`; for a repeated recording, recordings of different
+            references, or an error that has grown.
     """
     check_different(recordings)
     references = state.references if known is None else state.references[: known + 1]
@@ -166,7 +165,7 @@ def teach(
     flown = {one.reference % len(motions) for one in found}
     if len(flown) > 1:
         raise InputError(
-            f"{recordings[-1].path}: is of another reference than {recordings[0].path}, expected "
+            f"{recordings[-1].path}: has another reference than {recordings[0].path}, expected "
             "recordings of one reference"
         )
     number = flown.pop()
@@ -179,18 +178,19 @@ def teach(
     notes = _notes(flight, step, state)
     for one, recorded in zip(found, recordings, strict=True):
         if one.reference < 0:
-            planned = "its q_ref is that of the plan, as `simulate` writes it"
-            why = planned if recorded.of_links else "it holds no q_ref"
-            trust = "that the reference to be flown was flown is taken on trust"
-            notes.append(f"{recorded.path}: {why}: {trust}")
+            planned = "its q_ref is the planned motion, as in files of `simulate`"
+            why = planned if recorded.of_links else "it has no q_ref"
+            notes.append(f"{recorded.path}: {why}; the expected reference is assumed")
     return Taught(flight, step, notes)
 
 
-def _record(wanted: Array, flown: Sequence[Array], reference: int) -> FlightRecord:
-    """Separate what repeats from what does not: the spread of m recordings has m - 1 degrees of
-    freedom, and 1/m of its square is left in their mean."""
+def _record(planned: Array, flown: Sequence[Array], reference: int) -> FlightRecord:
+    """Return the result of a flight, with repeating error and noise separated.
+
+    The variance of m recordings has m - 1 degrees of freedom. Their mean has 1/m of it.
+    """
     count = len(flown)
-    error = np.mean(flown, axis=0) - wanted
+    error = np.mean(flown, axis=0) - planned
     square, floor = np.mean(error**2, axis=0), np.zeros(0)
     if count > 1:
         variance = np.mean(np.var(flown, axis=0, ddof=1), axis=0)
@@ -205,30 +205,29 @@ def _record(wanted: Array, flown: Sequence[Array], reference: int) -> FlightReco
 
 
 def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
+    """Raise InputError if the repeating error is clearly larger than that of the best flight."""
     best = State([*state.flights, flight], []).best
-    if flight.score > _GROWN * best.score + flight.noise + best.noise:
+    if flight.score > _MAX_GROWTH * best.score + flight.noise + best.noise:
         raise InputError(
-            f"{path}: the error has grown, from {np.degrees(best.score):.4g} to "
-            f"{np.degrees(flight.score):.4g} deg (RMS of all joints): nothing is learned of it; "
-            f"the best so far is {best.flown(Path())}"
+            f"{path}: the error has grown from {np.degrees(best.score):.4g} to "
+            f"{np.degrees(flight.score):.4g} deg (RMS of all joints), so nothing is learned; fly "
+            f"the best so far: {best.flown(Path())}"
         )
 
 
 def _notes(flight: FlightRecord, step: Step, state: State) -> list[str]:
+    """Return remarks on a flight and on the step to the next one."""
     notes = []
-    left = np.array(flight.floor) / math.sqrt(flight.recordings)
-    if flight.floor and np.all(flight.rms < left):
-        notes.append("what repeats is within what noise leaves of it: no more can be learned")
-    elif state.flights and flight.score > _GAIN * state.best.score:
-        notes.append(
-            "it took less than 5 % off the error that repeats: another one is not worth it"
-        )
+    noise = np.array(flight.floor) / math.sqrt(flight.recordings)
+    if flight.floor and np.all(flight.rms < noise):
+        notes.append("the repeating error is below the noise; stop here")
+    elif state.flights and flight.score > _MAX_REMAINDER * state.best.score:
+        notes.append("the flight reduced the repeating error by less than 5 %; stop here")
     return [*notes, step.note] if step.note else notes
 
 
 def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Path:
-    """Write what the next flight gets, and what came of this one; all or none; the former's
-    file."""
+    """Write the result of a flight and the next one's reference; return the path of the latter."""
     number = len(state.flights) + 1
     with replacing_files(folder, last=flight_file(folder, number).name) as new:
         if number == 1:

@@ -15,7 +15,7 @@ from sdt_drake.io.shown import listed, numbered
 from sdt_drake.machine.recordings import check_recording
 from sdt_drake.machine.replay import (
     ALONE,
-    ENOUGH,
+    EXPLAINED_SHARE,
     FED,
     FEEDFORWARD,
     QUANTITIES,
@@ -65,7 +65,7 @@ def replay_findings(replay: Replay) -> list[str]:
     wrong: list[int] = []
     if ALONE in replay.courses:
         off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
-        unexplained = replay.explained("torque") < ENOUGH  # nor of joints without a torque
+        unexplained = replay.explained("torque") < EXPLAINED_SHARE  # nor of joints without a torque
         wrong = _joints(off & unexplained)
     is_beside = np.abs(replay.start).max() > 1e-6
     recorded = replay.recorded
