@@ -146,7 +146,7 @@ def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
     with pytest.raises(InputError, match=r"converge for others: joint \d would keep 1\.\d+ of"):
         refuse_divergence([check], filter_)
     tired = convergence(filter_, replace(loops[0], demand=np.array([[0.5, 1.06, 0.2, 0.3]])))
-    with pytest.raises(InputError, match=r"takes 106\.0 % of the torque of motor 2"):
+    with pytest.raises(InputError, match=r"needs 106\.0 % of the torque of motor 2"):
         refuse_divergence([tired], filter_)
     some = np.array([[0.5, 1.06, 0.2, 0.3], [0.5, 0.8, 0.2, 0.3]])
     refuse_divergence([convergence(filter_, replace(loops[0], demand=some))], filter_)
@@ -341,7 +341,7 @@ def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, 
     assert set(command_line.snapshot(desk / "five")) == kept
     for name in files:
         assert (desk / "five/unfinished" / name).read_bytes() == (desk / "two" / name).read_bytes()
-    refuse(*command, "--out", "five", saying=("five/unfinished: has flights of an inter",))
+    refuse(*command, "--out", "five", saying=("five/unfinished: contains flights of an inter",))
     good("learn", "five/unfinished/scenario.yaml", "--flights", "1", "--out", "on")
     before, after = (command_line.read_csv(desk / f"{x}/flights.csv") for x in ("two", "on"))
     assert after[1][1:] == before[2][1:] and "unfinished" not in os.listdir(desk / "on")
