@@ -141,7 +141,7 @@ def load_drives(path: str | Path, n: int) -> Drives:
     Raises:
         InputError: with a line for each problem: file, field, and what is accepted.
 
-    >>> load_drives("sdt", 4).cycle_time
+    >>> load_drives("package://sdt/drives.yaml", 4).cycle_time
     0.001
     """
     drives, file = load_yaml(Drives, path, "drives")
