@@ -61,7 +61,7 @@ def test_retiming_keeps_all_limits_and_the_path(case):
     for end in (0, -1):
         np.testing.assert_allclose(motion.q[end], commanded.q[end], atol=off + 1e-6)
         np.testing.assert_allclose(motion.v[end], 0, atol=1e-9)
-    assert plan.longer >= 0
+    assert plan.longer >= 0 and plan.limited[1].all() == (plan.longer > 0)
     if plan.longer == 0:
         np.testing.assert_array_equal(motion.q, commanded.q)
 
