@@ -7,7 +7,7 @@ from variants import kind, overruled, weaker
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
-from sdt_drake.run.controllers import Controller, Pi, PiId, PPi, register_controller
+from sdt_drake.run.controllers import Controller, PiId, PPi, register_controller
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.motor_torque import torque_limits
 from sdt_drake.run.simulate import make_simulator, simulate
@@ -112,16 +112,16 @@ def test_torque_within_the_periods(design_of, case):
     assert np.any(run.saturated[:, 1] > 0) == (case not in ("pi", "axis"))
 
 
-OPAQUE = {shipped.__name__: type("Opaque", (shipped,), {}) for shipped in (Pi, PiId, PPi)}
+OPAQUE = {shipped.__name__: type("Opaque", (shipped,), {}) for shipped in (PiId, PPi)}
 
 
-@pytest.mark.parametrize("case", ["pi", "p_pi+id", "envelope", "late", "lag", "axis pi"])
+@pytest.mark.parametrize("case", ["p_pi+id", "envelope", "late"])
 def test_torque_of_a_controller_that_tells_nothing(design_of, case):
     """As of the same one that does: a run stops at each update to look."""
-    label, plant, drive = CASES.get(case, ("pi", "axis", Drive()))
+    label, plant, drive = CASES[case]
     for name, controller in OPAQUE.items():
         register_controller(name, controller)
-    opaque = {"pi": "Pi", "pi_id": "PiId", "p_pi+id": "PPi+id"}[label]
+    opaque = {"pi_id": "PiId", "p_pi+id": "PPi+id"}[label]
     own, telling = design_of(opaque, plant, drive), design_of(label, plant, drive)
     run, told = simulate(own), simulate(telling)
     np.testing.assert_allclose(run.v, told.v, rtol=0, atol=1e-9)

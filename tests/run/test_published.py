@@ -73,7 +73,6 @@ AXES = {
         for name in ("axis_pi", "axis_pi_ctc")
         for algorithm in ("printed", "consistent")
     },
-    "pi": ("axis_pi", ON_ERROR),
     "pi_ctc": ("axis_pi_ctc", ON_ERROR),
     "pi_id": ("axis_pi_ctc", CONSISTENT | {"controller.kind": "pi_id"}),
     "pi_scheduled": ("axis_pi", ON_ERROR | {"controller.kind": "pi_scheduled"}),
