@@ -25,20 +25,20 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 def test_a_table_is_read_back_bit_by_bit(tmp_path, suffix):
     path = tmp_path / "new" / "folder" / f"table{suffix}"
 
-    @given(st.data(), st.integers(2, 6), st.integers(1, 3))
-    def check(data, rows, joints):
-        time, q = (
-            0.005 * np.arange(rows),
-            data.draw(arrays(float, (rows, joints), elements=NUMBERS)),
-        )
-        tau = data.draw(arrays(float, (rows, joints), elements=NUMBERS))
+    def check(time, q, tau):
         write_table(path, time, {"q": q, "tau_cmd": tau})
         read_time, columns = read_table(path)
         assert set(columns) == {"q", "tau_cmd"}
         for written, read in ((time, read_time), (q, columns["q"]), (tau, columns["tau_cmd"])):
             assert written.tobytes() == np.ascontiguousarray(read).tobytes()
 
-    check()
+    @given(st.data(), st.integers(2, 6), st.integers(1, 3))
+    def check_any(data, rows, joints):
+        values = arrays(float, (rows, joints), elements=NUMBERS)
+        check(0.005 * np.arange(rows), data.draw(values), data.draw(values))
+
+    check(np.arange(2.0), np.arange(6.0).reshape(2, 3), np.ones((2, 3)))  # wider than long
+    check_any()
     write_table(path.with_suffix(".csv"), np.arange(2), {"q": np.eye(2)})
     assert path.with_suffix(".csv").read_text().startswith("time,q_1,q_2\n")
 
