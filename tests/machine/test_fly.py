@@ -78,20 +78,6 @@ def used(robot, motion, torque_of=inverse_dynamics):
     return np.abs(both).max(axis=(0, 1)) / robot.effort_limit
 
 
-def test_the_motion_keeps_all_limits(device, flown, tmp_path):
-    motion = flown.motion
-    share = used(device, motion)
-    assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
-    assert 0.9 < share.max() < 0.95 * 1.01
-    assert np.all(np.abs(motion.v).max(axis=0) < device.velocity_limit)
-    for rest in (motion.v[0], motion.v[-1]):
-        np.testing.assert_array_equal(rest, 0)
-    motion.to_csv(tmp_path / "motion.csv")
-    plan = load_plan(tmp_path / "motion.csv", device)
-    assert not plan.limited.any()
-    np.testing.assert_array_equal(plan.motion.v, motion.v)
-
-
 def test_a_motion_of_the_device_is_found_again(device):
     """What the device itself can do, from the head's motion alone."""
     t = 0.005 * np.arange(2401)
@@ -108,21 +94,6 @@ def test_a_motion_of_the_device_is_found_again(device):
     rate = np.degrees(np.abs(found.chosen.felt_rate_error[within]).max(axis=0))
     assert np.all(force < 0.1 * np.array([0.063, 0.057, 0.154]))
     assert np.all(rate < 0.1 * np.array([2.04, 2.07, 1.58]))
-
-
-def test_less_rotation_is_felt_than_by_alignment(flown):
-    own, alignment = flown.numbers, flown.numbers["alignment"]
-    assert own["g_error_rms"] < 1.1 * alignment["g_error_rms"]
-    assert own["felt_rotation_rms_deg_s"] < 0.9 * alignment["felt_rotation_rms_deg_s"]
-    assert own["washout"]["felt_rotation_rms_deg_s"] > own["felt_rotation_rms_deg_s"]
-    assert [(row["sense"], row["seat_deg"]) for row in own["starts"]] == [(1, 0.0), (-1, 0.0)]
-
-
-def test_a_pareto_front_and_a_motion_without_limits_of_torque(flown):
-    assert flown.unlimited.torque.max() > flown.chosen.torque.max()
-    points = flown.numbers["front"]
-    for name, sign in (("g_weight", 1), ("g_error_rms", -1), ("felt_rotation_rms_deg_s", 1)):
-        assert sign * points[0][name] < sign * points[-1][name]
 
 
 def test_a_centrifuge_of_two_axes_with_all_of_its_torque(tmp_path, onset):
@@ -150,12 +121,11 @@ def test_an_idle_g_is_waited_at(device):
     assert found.chosen.head.resultant_g[at] == pytest.approx(1.4, abs=0.1)
 
 
-@pytest.mark.parametrize(("after", "starts"), [(0.03, 1), (0.61, 2)])
-def test_an_interrupt_keeps_the_best_so_far(device, onset, after, starts):
+def test_an_interrupt_keeps_the_best_so_far(device, onset):
     pressed = []
 
     def interrupt(done):
-        if done > after and not pressed:
+        if done > 0.03 and not pressed:
             pressed.append(done)
             raise KeyboardInterrupt
 
@@ -165,7 +135,7 @@ def test_an_interrupt_keeps_the_best_so_far(device, onset, after, starts):
         except KeyboardInterrupt:  # which pytest would not count as a failure
             pytest.fail("the best so far is lost")
     assert found.numbers["interrupted"] and len(found.front) == 1
-    assert len(found.numbers["starts"]) == starts
+    assert len(found.numbers["starts"]) == 1
     assert used(device, found.motion).max() < 0.95 * 1.01
 
 
@@ -218,52 +188,6 @@ def test_a_course_between_knots_is_exact():
     np.testing.assert_allclose(motion.v[40:-1:40], fine.v[1:-1], atol=1e-12)
 
 
-def test_an_independent_inverse_dynamics_agrees(device, flown, tmp_path):
-    """Pinocchio, from numbers of the SDF that it does not parse itself."""
-    pin = pytest.importorskip("pinocchio")
-    motion = flown.motion
-    model, data = pinocchio_model(pin, device)
-
-    def torque(robot, q, v, vd):
-        rows = [pin.rnea(model, data, *row) for row in zip(q, v, vd, strict=True)]
-        return np.array(rows) + vd * robot.reflected_inertia
-
-    every = slice(None, None, 7)
-    vd = motion.vd[every]
-    np.testing.assert_allclose(
-        torque(device, motion.q[every], motion.v[every], vd),
-        inverse_dynamics(device, motion.q[every], motion.v[every], vd),
-        rtol=1e-6, atol=1e-3,
-    )  # fmt: skip
-    assert used(device, motion, torque).max() < 0.95 * 1.01
-
-
-def high_passed(error, period):
-    """A signal through 5.7 s / (5.7 s + 1), at zero before its first sample, by scipy."""
-    return lsim(([5.7, 0], [5.7, 1]), error, period * np.arange(len(error)))[1]
-
-
-def test_errors_are_those_of_an_independent_kinematics(onset, flown):
-    """Rotations of scipy with numbers of the SDF; force from differences of the head's places."""
-    motion, period = flown.motion, flown.motion.period
-    place, turned, rate = head_by_hand(motion.q, motion.v)
-    force = np.diff(place, 2, axis=0) / period**2 + [0, 0, GRAVITY]
-    time = motion.time[1:-1] - flown.numbers["flight_starts_at"]
-    own = (time > -1e-9) & (time < onset.duration + 1e-9)
-    shown = turned[1:-1].inv().apply(force), rate[1:-1]
-    f, w = (
-        values - np.stack([np.interp(time, onset.time, x) for x in flight.T], axis=1)
-        for values, flight in zip(shown, (onset.specific_force, onset.angular_rate), strict=True)
-    )
-    g = np.sqrt(np.mean(np.sum(f[own] ** 2, axis=1))) / GRAVITY
-    assert flown.numbers["g_error_rms"] == pytest.approx(g, rel=0.01)
-    felt = np.degrees(np.sqrt(sum(np.mean(high_passed(x, period) ** 2) for x in w[own].T)))
-    assert flown.numbers["felt_rotation_from_zero_rms_deg_s"] == pytest.approx(felt, rel=1e-6)
-    whole = np.stack([high_passed(x, period)[own] for x in (w - w[0]).T])  # from steady state
-    felt = np.degrees(np.sqrt(np.sum(np.mean(whole**2, axis=1))))
-    assert flown.numbers["felt_rotation_rms_deg_s"] == pytest.approx(felt, rel=1e-3)
-
-
 def head_by_hand(q, v):
     """Place [m], rotation and rate in its own axes [rad/s] of the shipped device's head."""
     turned = Rotation.identity(len(q))
@@ -296,3 +220,78 @@ def pinocchio_model(pin, robot):
             inertia = pin.Inertia(float(inertial.findtext("mass")), com, own)
             model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
     return model, model.createData()
+
+
+def test_the_motion_keeps_all_limits(device, flown, tmp_path):
+    motion = flown.motion
+    share = used(device, motion)
+    assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
+    assert 0.9 < share.max() < 0.95 * 1.01
+    assert np.all(np.abs(motion.v).max(axis=0) < device.velocity_limit)
+    for rest in (motion.v[0], motion.v[-1]):
+        np.testing.assert_array_equal(rest, 0)
+    motion.to_csv(tmp_path / "motion.csv")
+    plan = load_plan(tmp_path / "motion.csv", device)
+    assert not plan.limited.any()
+    np.testing.assert_array_equal(plan.motion.v, motion.v)
+
+
+def test_less_rotation_is_felt_than_by_alignment(flown):
+    own, alignment = flown.numbers, flown.numbers["alignment"]
+    assert own["g_error_rms"] < 1.1 * alignment["g_error_rms"]
+    assert own["felt_rotation_rms_deg_s"] < 0.9 * alignment["felt_rotation_rms_deg_s"]
+    assert own["washout"]["felt_rotation_rms_deg_s"] > own["felt_rotation_rms_deg_s"]
+    assert [(row["sense"], row["seat_deg"]) for row in own["starts"]] == [(1, 0.0), (-1, 0.0)]
+
+
+def test_a_pareto_front_and_a_motion_without_limits_of_torque(flown):
+    assert flown.unlimited.torque.max() > flown.chosen.torque.max()
+    points = flown.numbers["front"]
+    for name, sign in (("g_weight", 1), ("g_error_rms", -1), ("felt_rotation_rms_deg_s", 1)):
+        assert sign * points[0][name] < sign * points[-1][name]
+
+
+def high_passed(error, period):
+    """A signal through 5.7 s / (5.7 s + 1), at zero before its first sample, by scipy."""
+    return lsim(([5.7, 0], [5.7, 1]), error, period * np.arange(len(error)))[1]
+
+
+def test_an_independent_inverse_dynamics_agrees(device, flown, tmp_path):
+    """Pinocchio, from numbers of the SDF that it does not parse itself."""
+    pin = pytest.importorskip("pinocchio")
+    motion = flown.motion
+    model, data = pinocchio_model(pin, device)
+
+    def torque(robot, q, v, vd):
+        rows = [pin.rnea(model, data, *row) for row in zip(q, v, vd, strict=True)]
+        return np.array(rows) + vd * robot.reflected_inertia
+
+    every = slice(None, None, 7)
+    vd = motion.vd[every]
+    np.testing.assert_allclose(
+        torque(device, motion.q[every], motion.v[every], vd),
+        inverse_dynamics(device, motion.q[every], motion.v[every], vd),
+        rtol=1e-6, atol=1e-3,
+    )  # fmt: skip
+    assert used(device, motion, torque).max() < 0.95 * 1.01
+
+
+def test_errors_are_those_of_an_independent_kinematics(onset, flown):
+    """Rotations of scipy with numbers of the SDF; force from differences of the head's places."""
+    motion, period = flown.motion, flown.motion.period
+    place, turned, rate = head_by_hand(motion.q, motion.v)
+    force = np.diff(place, 2, axis=0) / period**2 + [0, 0, GRAVITY]
+    time = motion.time[1:-1] - flown.numbers["flight_starts_at"]
+    own = (time > -1e-9) & (time < onset.duration + 1e-9)
+    shown = turned[1:-1].inv().apply(force), rate[1:-1]
+    f, w = (
+        values - np.stack([np.interp(time, onset.time, x) for x in flight.T], axis=1)
+        for values, flight in zip(shown, (onset.specific_force, onset.angular_rate), strict=True)
+    )
+    g = np.sqrt(np.mean(np.sum(f[own] ** 2, axis=1))) / GRAVITY
+    assert flown.numbers["g_error_rms"] == pytest.approx(g, rel=0.01)
+    felt = np.degrees(np.sqrt(sum(np.mean(high_passed(x, period) ** 2) for x in w[own].T)))
+    assert flown.numbers["felt_rotation_from_zero_rms_deg_s"] == pytest.approx(felt, rel=1e-6)
+    whole = np.stack([high_passed(x, period)[own] for x in (w - w[0]).T])  # from steady state
+    felt = np.degrees(np.sqrt(np.sum(np.mean(whole**2, axis=1))))
+    assert flown.numbers["felt_rotation_rms_deg_s"] == pytest.approx(felt, rel=1e-3)
