@@ -1,1 +1,1 @@
-"""Everything that is seen: figures, reports, pages, block diagrams, 3D."""
+"""Figures, reports, pages, block diagrams and 3D scenes."""

@@ -1,4 +1,4 @@
-"""Block diagrams as files: .dot as text, and pictures; of any Drake diagram."""
+"""Block diagrams of any Drake diagram as files: text in .dot, and pictures."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from sdt_drake.show.symbols import SYMBOLS
 
 FORMATS = ("dot", *diagrams.PICTURES)
 NO_GRAPHVIZ = (
-    "Drake's own picture needs Graphviz, which is not installed ('dot' not found): "
-    "apt install graphviz, or write it as .dot"
+    "Drake's own picture needs Graphviz, which is not installed ('dot' not found): install it "
+    "(apt install graphviz), or write a .dot file"
 )
 
 _ID = re.compile(r"\b(clusters|cluster|s|_)(\d+)(?=\b|[a-z:])")
@@ -28,16 +28,16 @@ _EDGES = re.compile(r"(?:^\S+ -> .*\n)+", re.MULTILINE)
 
 
 def page_of(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> Page:
-    """The diagram as a control engineer draws it; see `sdt_drake.show.diagrams`.
+    """Lay out a diagram as a control engineer draws it; see `sdt_drake.show.diagrams`.
 
     Args:
-        diagram: any.
-        max_depth: levels of diagrams in it that are opened.
-        symbols: texts on blocks of one's own by the names of their classes; as in
+        diagram: a Drake diagram.
+        max_depth: number of nested levels that are opened.
+        symbols: texts on your own blocks by the names of their classes, as in
             `sdt_drake.show.diagrams.walk`.
 
     Raises:
-        InputError: for a diagram with more lines than can be drawn.
+        InputError: if the diagram has more lines than can be drawn.
     """
     seen = diagrams.walk(diagram, max_depth=max_depth, symbols={**SYMBOLS, **(symbols or {})})
     try:
@@ -47,12 +47,22 @@ def page_of(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = N
 
 
 def dot_text(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> str:
-    """The page of `page_of` in Graphviz' language; equal diagrams give equal texts."""
+    """Return the page of `page_of` in Graphviz's language; equal diagrams give equal texts.
+
+    >>> from pydrake.systems.framework import DiagramBuilder
+    >>> from pydrake.systems.primitives import Integrator
+    >>> builder = DiagramBuilder()
+    >>> speed = builder.AddNamedSystem("speed", Integrator(1))
+    >>> builder.ExportOutput(speed.get_output_port(), "speed")
+    OutputPortIndex(0)
+    >>> '"speed" [shape=box, label=<1/s>' in dot_text(builder.Build())
+    True
+    """
     return diagrams.dot_text(page_of(diagram, max_depth=max_depth, symbols=symbols))
 
 
 def drake_dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
-    """The diagram by Drake's own export, in Graphviz' language; equal diagrams give equal texts."""
+    """Return Drake's own export in Graphviz's language; equal diagrams give equal texts."""
     text = diagram.GetGraphvizString(max_depth=max_depth + 1)
     numbers: dict[str, str] = {}
 
@@ -78,12 +88,18 @@ def write_diagram(
     drake: bool = False,
     symbols: Symbols | None = None,
 ) -> Path:
-    """Write a diagram to `path` as one of FORMATS, by `drake_dot_text` if `drake`.
+    """Write a diagram to `path` as one of FORMATS.
 
-    Blocks of one's own have the `symbols` of `page_of`.
+    Args:
+        diagram: a Drake diagram.
+        path: the file.
+        format_: one of FORMATS.
+        max_depth: number of nested levels that are opened.
+        drake: write Drake's own drawing (`drake_dot_text`); Graphviz draws its pictures.
+        symbols: texts on your own blocks, as in `page_of`.
 
     Raises:
-        InputError: for another format, or if Drake's own picture needs Graphviz and it is missing.
+        InputError: if the format is none of FORMATS, or Graphviz is needed and missing.
     """
     checked_choice(format_, FORMATS, "format")
     if not drake:
@@ -94,7 +110,7 @@ def write_diagram(
 
 
 def write_page(page: Page, path: Path, format_: str) -> Path:
-    """Write a page as one of FORMATS; an .svg says which .dot text it belongs to."""
+    """Write a page as one of FORMATS; an .svg contains the fingerprint of its .dot text."""
     text = diagrams.dot_text(page)
     if format_ == "dot":
         return _write(path, text.encode())
@@ -103,7 +119,7 @@ def write_page(page: Page, path: Path, format_: str) -> Path:
 
 
 def fingerprint(text: str) -> str:
-    """A text of fixed length that tells one .dot text from another."""
+    """Return a hash that identifies a .dot text."""
     return f"dot sha256 {hashlib.sha256(text.encode()).hexdigest()}"
 
 

@@ -1,7 +1,7 @@
-"""Reports: a template of Markdown each, rendered to Markdown, and that to a page without a network.
+"""Reports: templates rendered to Markdown, and Markdown rendered to offline pages.
 
-What a template prints passes `escaped`, all but `Marked` texts, which are our own. HTML in Markdown
-is off on pages, but for the tags of `_OWN_TAG`: no escaped text has one.
+Every printed value passes `escaped`, except `Marked` texts, which this package writes. Pages show
+HTML in Markdown as text, except the tags of `_OWN_TAG`; no escaped text contains one.
 """
 
 from __future__ import annotations
@@ -32,19 +32,25 @@ if TYPE_CHECKING:  # only commands that write a report need these
 REPORT, MARKDOWN = "report.html", "report.md"
 TEMPLATES = Path(__file__).with_name("templates")
 
-_MOST_BYTES = 100_000_000  # of a file
+_MAX_FILE_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells of texts, as many in each row as in the header; the first of a row names it."""
+    """A table of texts; the first cell of a row is its name.
+
+    >>> table = Table(["joint", "mass [kg]"], [["1", "2.5"], ["2", "–"]])
+    >>> table.is_numeric()
+    [True, True]
+    """
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    """Cells, as many in each row as in the header."""
     title: str = ""
 
     def is_numeric(self) -> list[bool]:
-        """Whether all cells of a column are numbers or dashes."""
+        """Check for each column if all cells are numbers or dashes."""
         columns = zip(*self.rows, strict=True) if self.rows else ([] for _ in self.header)
         return [all(map(_NUMBER.fullmatch, cells)) for cells in columns]
 
@@ -55,7 +61,11 @@ _NUMBER = re.compile(r"[-+−–±∞\d., e%]*")
 def spread(
     header: Sequence[str], rows: Sequence[Sequence[str | Sequence[str]]], title: str = ""
 ) -> Table:
-    """A table of cells with a text, or one for each joint: these get a column each."""
+    """Make a table whose cells hold one text, or a text per joint, which get a column each.
+
+    >>> spread(["run", "error [rad/s]"], [["pi", ["0.1", "0.2"]]]).header
+    ['run', 'error [rad/s], joint 1', '2']
+    """
     counts = [0 if isinstance(cell, str) else len(cell) for cell in rows[0]]
     names = [
         name
@@ -70,35 +80,29 @@ def spread(
 
 @dataclass(frozen=True)
 class Report:
-    """A rendered report.
-
-    Attributes:
-        markdown: its text.
-        folder: it stands in, with its pictures.
-        attached: files that are made for it, by name: plots, whose picture Markdown shows, and the
-            text of pages.
-        symbols: whether pages show K_PS and tau_LD as in equations; not where inputs of users have
-            such names.
-    """
+    """A rendered report."""
 
     markdown: str
     folder: Path
+    """The folder with the pictures of the report."""
     attached: Mapping[str, Plots | str] = field(default_factory=dict)
+    """Plots, and texts of HTML pages, by file name. Markdown links to a picture of the plots."""
     symbols: bool = False
+    """Set K_PS and tau_LD as in equations. Off where users' names may have this form."""
 
     def page(self) -> str:
-        """A page that needs no other file and no network.
+        """Render a page that needs no other file and no network.
 
         Raises:
-            InputError: naming a picture that is missing or is none.
+            InputError: if a picture is missing or is not SVG.
         """
         return _Page(self).html()
 
     def write(self) -> Path:
-        """Write the report into its folder, as report.md and as a page; the path of the page.
+        """Write report.md and the page into the folder, and return the path of the page.
 
         Raises:
-            InputError: as `page`, or for a file that cannot be written.
+            InputError: as for `page`, or if a file cannot be written.
         """
         page = self.page()
         write_text(self.folder / MARKDOWN, self.markdown)
@@ -109,29 +113,34 @@ class Report:
 
 
 class Marked(str):
-    """Markdown, or on a page HTML, of our own, which is not escaped."""
+    """Markdown or HTML written by this package, which is not escaped."""
 
     def __html__(self) -> str:
         return self
 
 
 def render(template: str, **values: object) -> str:
-    """Render a template of Markdown."""
+    """Render a Markdown template."""
     return _environment(_printed).get_template(template).render(values) + "\n"
 
 
 def bullets(template: str, **values: object) -> list[str]:
-    """Render a template of a list; its items."""
+    """Render a Markdown template that is a list, and return its items."""
     return [Marked(line[2:]) for line in render(template, **values).splitlines() if line]
 
 
 def plain(text: str) -> str:
-    """Markdown of a line as one reads it."""
+    """Return a line of Markdown as plain text."""
     return re.sub(r"\*\*|`|\\(?=[^\w\s])", "", text)
 
 
+def capital(text: str) -> str:
+    """Return a text with a capital first letter; the others stay, unlike with `str.capitalize`."""
+    return text[:1].upper() + text[1:]
+
+
 def render_html(template: str, **values: object) -> str:
-    """Render a template of HTML."""
+    """Render an HTML template."""
     return _environment(None).get_template(template).render(values)
 
 
@@ -140,7 +149,11 @@ def _printed(value: object) -> object:
 
 
 def escaped(value: object) -> str:
-    """Markdown that shows a text, of one line, as it is."""
+    """Return Markdown that shows a text literally, in one line.
+
+    >>> escaped("a_b [x](y) [N m]")
+    'a_b \\\\[x\\\\](y) [N m]'
+    """
     text = re.sub(r"\s*[\r\n]\s*", " ", str(value).strip())
     return _SPECIAL.sub(lambda m: m["unit"] or f"{m['number'] or ''}\\{m['mark'] or ''}", text)
 
@@ -153,19 +166,19 @@ _SPECIAL = re.compile(
 
 
 def code(value: object) -> Marked:
-    """Markdown of a text in a typewriter's letters, where Markdown has it so."""
+    """Return a text as inline code, or escaped where Markdown cannot show it as code."""
     text = str(value)
     return Marked(f"`{text}`" if re.fullmatch(r"[^`|\r\n]+", text) else escaped(text))
 
 
 def _fenced(value: object) -> Marked:
-    """Markdown of lines in a typewriter's letters."""
+    """Return a text as a fenced code block."""
     fence = max(["```", *(f"{run}`" for run in re.findall("`{3,}", str(value)))], key=len)
     return Marked(f"{fence}\n{value}\n{fence}")
 
 
 def _summary(value: object) -> Marked:
-    """The line that one unfolds, in HTML also within Markdown."""
+    """Return a text as the HTML summary of a section that unfolds."""
     return Marked(html.escape(" ".join(str(value).split())))
 
 
@@ -182,6 +195,7 @@ def _environment(finalize: Callable[[object], object] | None) -> Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {"f": formatted, "code": code, "fenced": _fenced, "summary": _summary}
+    environment.filters["capital"] = capital
     environment.globals["text"] = lambda name: Marked((TEMPLATES / name).read_text("utf-8"))
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return environment
@@ -201,7 +215,7 @@ _SYMBOL = re.compile(
 
 
 class _Page:
-    """A page in the making."""
+    """A renderer of one page."""
 
     def __init__(self, report: Report) -> None:
         from markdown_it import MarkdownIt
@@ -223,7 +237,7 @@ class _Page:
                 token.type, token.content = "html_block", block
             if before.type == "tr_open" and token.type == "td_open":
                 token.tag, token.attrs["scope"] = "th", "row"
-                tokens[i + 2].tag = "th"  # its end, after what is in it
+                tokens[i + 2].tag = "th"  # the closing tag
         chapters = [i for i, x in enumerate(tokens) if (x.type, x.tag) == ("heading_open", "h2")]
         head, *sections = (
             self._html(tokens[i:k]) for i, k in pairwise([0, *chapters, len(tokens)])
@@ -241,7 +255,7 @@ class _Page:
         return Marked(self.parser.renderer.render(tokens, self.parser.options, {}))
 
     def _block(self, token: Token) -> str:
-        """The HTML of a paragraph that is one of our tags, a picture or a page alone; or ""."""
+        """Return the HTML of a paragraph that is a single own tag, picture or page; else ""."""
         if _OWN_TAG.fullmatch(token.content):
             return token.content
         match [(child.type, child) for child in token.children or []]:
@@ -263,7 +277,7 @@ class _Page:
 
     def _page_text(self, name: str) -> object:
         text = self.report.attached.get(name)
-        return read_text(self.report.folder / name, _MOST_BYTES) if text is None else text
+        return read_text(self.report.folder / name, _MAX_FILE_BYTES) if text is None else text
 
     def _text(self, words: str) -> str:
         text = re.sub(r"\[.{,9}\]", lambda unit: unit[0].replace(" ", "\u00a0"), html.escape(words))
@@ -271,7 +285,7 @@ class _Page:
 
 
 def _words(token: Token) -> str:
-    """The text alone."""
+    """Return the text of a token without its markup."""
     return "".join(child.content for child in token.children or [])
 
 
@@ -280,7 +294,7 @@ def _part(name: str, **values: Any) -> str:
 
 
 def _symbol(match: re.Match[str]) -> str:
-    """As it is printed in an equation."""
+    """Return a symbol as HTML with Greek letters and subscripts."""
     letter, index, alone = match.groups()
     if alone:
         return _GREEK[alone]
@@ -288,14 +302,14 @@ def _symbol(match: re.Match[str]) -> str:
 
 
 def read_svg(path: Path) -> str:
-    """The text of an .svg file, to stand within a page.
+    """Read an .svg file that is going to be embedded in a page.
 
     Raises:
-        InputError: if there is none, or it is no SVG.
+        InputError: if the file is missing or is not SVG.
     """
     if not path.exists():
         raise InputError(f"{path}: is missing")
-    text = read_text(path, _MOST_BYTES)
+    text = read_text(path, _MAX_FILE_BYTES)
     try:
         is_svg = ElementTree.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
     except (ElementTree.ParseError, ValueError):

@@ -1,4 +1,4 @@
-"""Panels of lines over a common axis: as a picture, and on a page as plots to zoom and read off."""
+"""Panels of lines over a common axis, drawn as pictures or as interactive plots of a page."""
 
 from __future__ import annotations
 
@@ -16,52 +16,53 @@ from numpy.typing import NDArray
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.show.style import Look, finish, grid, joint_title, save, style
 
-MOST = 10_000
-"""Samples of a panel on a page."""
+MAX_SAMPLES = 10_000
+"""Largest number of samples of a panel on a page."""
 
 LIMIT = Look("0.6")
-"""Of lines that may not be crossed."""
+"""The look of limits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Samples over the axis of a panel, shape (N,); `dots`: not joined."""
+    """A line of a panel."""
 
     label: str
     look: Look
     values: Array
+    """Samples over the axis of the panel, shape (N,)."""
     dots: bool = False
+    """Draw separate dots in place of a line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Lines with one scale.
-
-    Attributes:
-        title: above; "" for none.
-        x_label, y_label: with units.
-        x: never falling, shape (N,).
-        lines: over x.
-        marked: where x has a grey ground, shape (N,), and `marked_label`, why.
-        note: above on the right, in pictures.
-    """
+    """Lines over one axis with one scale."""
 
     title: str
+    """The title above the panel; "" for none."""
     x_label: str
+    """The label of the axis, with unit."""
     y_label: str
     x: Array
+    """Values that never decrease, shape (N,)."""
     lines: Sequence[Line]
     marked: NDArray[np.bool_] | None = None
+    """Samples with a grey ground, shape (N,)."""
     marked_label: str = ""
+    """The meaning of the grey ground."""
     note: str = ""
+    """A text above the panel on the right, in pictures only."""
 
     def kept(self) -> Index:
-        """Rows that a page gets: all, or, of more than MOST, those of each run of rows where any
-        line is least or largest. So no peak is lost, and every point is a sample."""
+        """Return the rows that a page shows: all, or at most MAX_SAMPLES that keep every peak.
+
+        Of each group of rows, those with the least and the largest value of each line are kept.
+        """
         n = len(self.x)
-        if n <= MOST:
+        if n <= MAX_SAMPLES:
             return np.arange(n)
-        per_run = -(-n * (2 * len(self.lines) + 1) // MOST)
+        per_run = -(-n * (2 * len(self.lines) + 1) // MAX_SAMPLES)
         starts = np.arange(0, n, per_run)
         rows = [starts, np.array([n - 1])]
         for line in self.lines:
@@ -70,7 +71,7 @@ class Panel:
         return np.unique(np.minimum(np.concatenate(rows), n - 1))
 
     def spans(self) -> list[tuple[float, float]]:
-        """Ends of each stretch where x is marked."""
+        """Return the start and the end of each marked interval of x."""
         if self.marked is None:
             return []
         turns = np.flatnonzero(np.diff(np.concatenate([[False], self.marked, [False]])))
@@ -78,7 +79,7 @@ class Panel:
 
 
 Lines = Sequence[tuple[str, Look, Array]]
-"""Of several joints: label, look, and samples of shape (N, n)."""
+"""Lines of several joints: label, look, and samples of shape (N, n)."""
 
 
 def over_time(
@@ -91,15 +92,16 @@ def over_time(
     marked_label: str = "",
     notes: Sequence[str] = (),
 ) -> list[Panel]:
-    """Panels of signals over time, one for each joint.
+    """Make a panel of signals over time for each joint.
 
     Args:
-        y_label: with unit.
-        time: [s], shape (N,).
-        lines: in each panel, those of its joint.
-        joint_names: n names, of the titles; none for panels beside others that have them.
-        marked: where the ground is grey, shape (N, n) or (N, 1), and `marked_label`, why.
-        notes: n texts above on the right.
+        y_label: label of the axis, with unit.
+        time: samples [s], shape (N,).
+        lines: lines with a column per joint.
+        joint_names: n names for the titles; () for panels beside others with titles.
+        marked: samples with a grey ground, shape (N, n) or (N, 1).
+        marked_label: the meaning of the grey ground.
+        notes: n texts above the panels on the right.
     """
     n = lines[0][2].shape[1]
     titles = [joint_title(k, name) for k, name in enumerate(joint_names)] or [""] * n
@@ -112,8 +114,13 @@ def over_time(
 
 
 def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.4) -> Figure:
-    """Columns of as many panels each, `width` [inch], one alone wider; those of a column share
-    their axis."""
+    """Draw columns with equal numbers of panels; the panels of a column share their time axis.
+
+    Args:
+        title: title of the figure.
+        columns: panels from top to bottom.
+        width: width of a column [inch]; a single column is 9.05 inches wide.
+    """
     rows = len(columns[0])
     width = 9.05 if len(columns) == 1 else width
     with style():
@@ -126,7 +133,7 @@ def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.
 
 
 def draw(ax: Axes, panel: Panel) -> None:
-    """Draw a panel into axes: all but the label of its x."""
+    """Draw a panel into axes, without the label of x."""
     for line in panel.lines:
         dashes, marker = ("", ".") if line.dots else (line.look.dashes, "")
         ax.plot(
@@ -148,7 +155,7 @@ def draw(ax: Axes, panel: Panel) -> None:
 
 
 def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:
-    """Grey where a condition holds, from bottom to top."""
+    """Draw a grey ground from bottom to top where a condition holds."""
     low, high = ax.get_ylim()
     ax.fill_between(
         x, low, high, where=where, label=label, color="0.5", alpha=0.16, linewidth=0, zorder=0
@@ -158,18 +165,18 @@ def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Plots:
-    """Columns of as many panels each: on a page to zoom and read off, in this order and as wide as
-    there is room; in Markdown their picture."""
+    """Plots that a page shows with zoom and values at the cursor, and Markdown as a picture."""
 
     columns: Sequence[Sequence[Panel]]
+    """Columns with equal numbers of panels. A page places the panels in this order."""
 
     def save_picture(self, png: Path) -> None:
-        """Write the picture that stands for the panels in Markdown."""
+        """Write the picture that Markdown shows."""
         save(picture("", self.columns), png)
 
     def data(self) -> dict[str, object]:
-        """What plots.js draws."""
-        arrays: dict[str, int] = {}  # each is sent once, however many panels show it
+        """Return the data that plots.js draws."""
+        arrays: dict[str, int] = {}  # an array is sent once, even if several panels show it
 
         def number(values: Array) -> int:
             text = base64.b64encode(values.astype("<f4").tobytes()).decode()

@@ -1,4 +1,4 @@
-"""The block diagrams of the paper: loops that are simulated, their inverse dynamics on line."""
+"""The block diagrams of the paper, drawn from simulated loops with online inverse dynamics."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {
     "figure6": partial(_loop, "axis_pi_ctc"),
     "coupled_loop": partial(_loop, "coupled_pi_ctc"),
 }
-"""The diagrams by name, made from any design of the reference device and motion."""
+"""Functions that make the diagrams, by name, from a design of the reference device and motion."""
 
 
 def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Path]:
@@ -46,8 +46,8 @@ def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Pat
 
     Args:
         name: a key of DIAGRAMS.
-        base: any design of the reference device and motion.
-        folder: made if need be.
+        base: a design of the reference device and motion.
+        folder: created if it is missing.
     """
     page, path = page_of(DIAGRAMS[name](base)), Path(folder) / name
     return [write_page(page, path.with_suffix(f".{x}"), x) for x in ("dot", "svg")]

@@ -1,4 +1,4 @@
-"""The reference of all files: what each may hold, for people and for editors."""
+"""The reference of all files: their fields and columns as Markdown, and JSON Schemas."""
 
 from __future__ import annotations
 
@@ -40,39 +40,41 @@ FILES: Mapping[str, type] = {
     "columns": Columns,
     "flight": FlightColumns,
 }
-"""YAML files: what each is an object of."""
+"""Kinds of YAML files, with the class that each file is read into."""
 
 _FIELDS = ("field", "takes", "unit", "default", "meaning")
 _BEGIN, _END = "<!-- reference: `sdt-drake reference --out models` -->", "<!-- end -->"
 
 SCHEMAS = "schemas"
-"""Folder of the JSON Schemas, beside that of the reference."""
+"""The folder of the JSON Schemas, in that of the reference."""
 
 
 class Sheet(NamedTuple):
-    """A table of the reference: its title, "" for the only one or the first; what it is; the first
-    cell of a row names it, the last one says what it means."""
+    """A table of the reference."""
 
     title: str
+    """The title; "" for the first or only table of a chapter."""
     text: str
+    """An introduction."""
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    """Rows that begin with a name and end with its meaning."""
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """A kind of file: its title and its tables."""
+    """A chapter of the reference, on one kind of file."""
 
     title: str
     sheets: Sequence[Sheet]
 
     def markdown(self) -> str:
-        """The chapter as a section of a page."""
+        """Render the chapter as Markdown."""
         return render("reference.md.j2", chapter=self).strip()
 
 
 def _fields(topic: str, title: str, note: str = "") -> Chapter:
-    """Of a kind of file, one of FILES."""
+    """Make the chapter of one of FILES."""
     first, *rest = parts(FILES[topic])
     top = Part("", f"{first.text} {note}".strip(), first.entries)
     return Chapter(title, [Sheet(*part[:2], _FIELDS, part.entries) for part in (top, *rest)])
@@ -83,16 +85,17 @@ def _recording() -> Chapter:
     told = {entry.name: (entry.unit, entry.meaning) for entry in columns.entries}
     told["speed_error"] = ("rad/s, joint side", "v - v_ref.")
     text = (
-        "What `simulate --out run.csv` writes and `pilot` and `view` read: a row for each period. "
-        "Column `name_k` is joint k, base to tip; of .parquet, too, and column k of `name` in .mat."
-        " Errors with a sign are achieved less wanted, here and wherever the package tells one."
+        "`simulate --out run.csv` writes a recording, and `pilot` and `view` read it. It has a row "
+        "for each interpolation period. Column `name_k` belongs to joint k, base to tip; .parquet "
+        "files have the same columns, and .mat files a matrix `name` with a column per joint. "
+        "Signed errors are achieved less planned, here and everywhere in the package."
     )
     rows = [("time", *told["time"]), *((f"{name}_k", *told[name]) for name in RECORDED_COLUMNS)]
     return Chapter("Recordings", [Sheet("", text, ("column", "unit", "meaning"), rows)])
 
 
 def _written(topic: str) -> Chapter:
-    """A chapter that stands in pages/reference.yaml."""
+    """Read a chapter from templates/reference.yaml."""
     chapter = parse_yaml((TEMPLATES / "reference.yaml").read_text("utf-8"))[topic]
     return Chapter(chapter["title"], [Sheet(**sheet) for sheet in chapter["sheets"]])
 
@@ -105,9 +108,9 @@ def _controllers() -> Chapter:
         needs = ", ".join(kind.needs_with(kind.feedforward))
         rows.append((name, plants, options, needs, text))
     text = (
-        "What `controller.kind` of a scenario names. Options are fields of `controller` that only "
-        f"some take, of {', '.join(OPTIONS)}; needs, what must be known to commission "
-        "it, beside what a chosen feedforward needs."
+        "Values of `controller.kind` in a scenario. Options are fields of `controller` that only "
+        f"some kinds use: {', '.join(OPTIONS)}. Needs are the data that commissioning requires, "
+        "in addition to those of a chosen feedforward."
     )
     header = ("kind", "plants", "options", "needs", "meaning")
     return Chapter("Controllers", [Sheet("", text, header, rows)])
@@ -117,7 +120,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "scenario": partial(_fields, "scenario", "Scenarios"),
     "controllers": _controllers,
     "motion": partial(
-        _fields, "motion", "Motion profiles", "A track or a joint has segments, each a tag."
+        _fields, "motion", "Motion profiles", "A track or a joint has segments; a tag names each."
     ),
     "tables": partial(_written, "tables"),
     "recording": _recording,
@@ -127,8 +130,8 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "perception": partial(_fields, "perception", "Perception models"),
     "study": partial(_fields, "study", "Studies"),
     "sizing": partial(_fields, "sizing", "Sizings"),
-    "columns": partial(_fields, "columns", "Columns of recordings of others"),
-    "flight": partial(_fields, "flight", "Columns of recordings of flights"),
+    "columns": partial(_fields, "columns", "Columns of other programs' recordings"),
+    "flight": partial(_fields, "flight", "Columns of recorded flights"),
 }
 
 
@@ -136,19 +139,21 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
 
 
 def schema_text(topic: str) -> str:
-    """The JSON Schema of a kind of file; one of FILES."""
+    """Return the JSON Schema of one of FILES."""
     schema = json_schema(FILES[topic], f"sdt_drake: {topic}")
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def write_reference(folder: Path) -> list[Path]:
-    """Write README.md, between its marks if it is there, and the JSON Schemas below SCHEMAS.
+    """Write the reference into README.md and the JSON Schemas into the folder SCHEMAS.
+
+    An existing README.md keeps its text outside the two marks.
 
     Raises:
-        InputError: for a README.md without the marks.
+        InputError: if an existing README.md has no marks.
     """
     page, old = folder / "README.md", f"# Files\n\n{_BEGIN}\n{_END}\n"
-    try:  # no input: it is replaced
+    try:  # not `read_text`: a file that is replaced is no input
         old = page.read_text(encoding="utf-8")
     except FileNotFoundError:
         pass
@@ -161,10 +166,10 @@ def write_reference(folder: Path) -> list[Path]:
 
 
 def with_reference(page: str, where: str | Path) -> str:
-    """A page with the reference of all files between its marks.
+    """Return a page with the reference of all files between its marks.
 
     Raises:
-        InputError: naming `where`, if it has no marks.
+        InputError: if the page has no marks; the message begins with `where`.
     """
     if page.count(_BEGIN) != 1 or page.count(_END) != 1:
         raise InputError(f"{where}: expected one line {_BEGIN}, and one {_END} below it")

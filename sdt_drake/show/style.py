@@ -1,4 +1,4 @@
-"""The one look of all figures: colours, axes, titles, legends; and files and windows for them."""
+"""Colours, axes, titles and legends of all figures, and their files and windows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from sdt_drake.io.files import replacing
 from sdt_drake.io.formats import FIGURES
 from sdt_drake.io.shown import formatted
 
-# Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.
+# Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can distinguish.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 
 _STYLE: dict[Any, Any] = {
@@ -37,23 +37,20 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "lines.linewidth": 1.1,
-    "text.parse_math": False,  # names are the user's, and no TeX
+    "text.parse_math": False,  # users' names are not TeX
     "savefig.dpi": 130,
     "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
 }
-# matplotlib's backends that write files only.
-_PAPER = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
-
-
-_LEGEND_ROW = 0.2  # inch
-_SMALL = 3e-3  # numbers below it are counted in powers of ten
+_FILE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+_LEGEND_ROW = 0.2  # height [inch]
+_MIN_PLAIN = 3e-3  # axes with smaller values have a power of ten in their unit
 
 
 Dashes = Literal["-", "--", "-.", ":"]
 
 
 class Look(NamedTuple):
-    """How a line, and the group that it belongs to, is drawn."""
+    """The colour, dashes and marker of a line or group."""
 
     colour: str
     dashes: Dashes = "-"
@@ -74,21 +71,25 @@ LOOKS = {
     "pi_scheduled+id": Look("#AA4499", "-.", "X"),
     "inverse_dynamics": Look("#332288", "-.", "*"),
 }
-"""Of the reference and of each controller, the same in all figures. What the paper draws in blue,
-red and green keeps these hues as far as the palette has them."""
+"""The looks of the reference and of each controller, the same in all figures.
+
+The reference is blue, PI red and PI + CTC green, as in the paper."""
 
 _DASHES: tuple[Dashes, ...] = ("-", "--", "-.", ":")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 def nth_look(i: int) -> Look:
-    """The look of group i, of groups that have no order of their own such as joints."""
+    """Return the look of group i, for groups without fixed looks, such as joints."""
     return Look(PALETTE[i % len(PALETTE)], _DASHES[i % 4], _MARKERS[i % len(_MARKERS)])
 
 
 def looks_of(labels: Sequence[str]) -> list[Look]:
-    """A look for each label: that of its controller; for others, in their order, one in a colour
-    that no controller has there."""
+    """Return a look for each label: the fixed one of a controller, else one in a free colour.
+
+    >>> [look.colour for look in looks_of(["pi", "my controller"])]
+    ['#D55E00', '#0072B2']
+    """
     taken = {LOOKS[label].colour for label in labels if label in LOOKS}
     looks = list(map(nth_look, range(len(PALETTE))))
     free = cycle([look for look in looks if look.colour not in taken] or looks)
@@ -96,7 +97,7 @@ def looks_of(labels: Sequence[str]) -> list[Look]:
 
 
 class Picture(Figure):
-    """A figure that a notebook shows without a backend for it (`%matplotlib inline`)."""
+    """A figure that a notebook shows without `%matplotlib inline`."""
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
@@ -107,9 +108,9 @@ class Picture(Figure):
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The look of all figures of this package.
+    """Draw with the look of this package, within a `with` statement.
 
-    Letters that no font of the machine has, as of users' names, are drawn as boxes, without a word.
+    Letters that no font of the machine contains are drawn as boxes, without a warning.
     """
     with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from", UserWarning)
@@ -127,15 +128,18 @@ def grid(
     top: float = 0.65,
     sharex: bool | Literal["col"] = True,
 ) -> tuple[Figure, NDArray[np.object_]]:
-    """A figure and its axes, shape (rows, columns).
+    """Make a figure and its axes, shape (rows, columns).
 
-    All sizes are fixed [inch]: computing them takes matplotlib a second.
+    All sizes are fixed [inch]: matplotlib's automatic layout takes a second.
 
     Args:
-        rows, columns: of the panels.
-        panel: width and height of each.
-        gaps: between them, across and down.
-        left, bottom, top: margins of the figure.
+        rows: number of rows.
+        columns: number of columns.
+        panel: width and height of a panel.
+        gaps: horizontal and vertical gap between panels.
+        left: left margin of the figure.
+        bottom: bottom margin.
+        top: top margin.
         sharex: as in `matplotlib.figure.Figure.subplots`.
     """
     right = 0.15
@@ -160,10 +164,14 @@ def grid(
 
 
 def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> Figure:
-    """Put the title above a figure, and a legend below it, by default of all lines and areas that
-    have a label; return the figure.
+    """Add a title above a figure and a legend below it, and return the figure.
 
-    It grows by what the legend has beyond one row.
+    A legend of several rows makes the figure higher.
+
+    Args:
+        figure: the figure.
+        title: the title.
+        handles: entries of the legend; by default all lines and areas with a label.
     """
     for ax in figure.axes:
         _shorten(ax)
@@ -176,8 +184,7 @@ def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) 
     else:
         labels = [str(handle.get_label()) for handle in handles]
     if handles:
-        # About as wide as its entries are side by side [inch].
-        wide = sum(0.6 + 0.068 * len(label) for label in labels)
+        wide = sum(0.6 + 0.068 * len(label) for label in labels)  # inch, estimated
         rows = math.ceil(wide / figure.get_figwidth())
         columns = math.ceil(len(labels) / rows)
         _grow_below(figure, (rows - 1) * _LEGEND_ROW)
@@ -197,11 +204,13 @@ def _grow_below(figure: Figure, inches: float) -> None:
 
 
 def _shorten(ax: Axes) -> None:
-    """Count small numbers in powers of ten of their unit: longer ones have no room beside a panel,
-    and matplotlib's own power of ten stands where its title is."""
+    """Label small values in powers of ten of their unit.
+
+    Long numbers have no room beside a panel, and matplotlib's own exponent covers the title.
+    """
     largest, label = np.abs(ax.get_ylim()).max(), ax.get_ylabel()
     is_plain = isinstance(ax.yaxis.get_major_formatter(), ScalarFormatter) and "[" in label
-    if is_plain and 0 < largest < _SMALL:
+    if is_plain and 0 < largest < _MIN_PLAIN:
         exponent = math.floor(math.log10(largest))
         ax.yaxis.set_major_formatter(
             FuncFormatter(lambda value, _: formatted(value / 10**exponent, ".4g").replace("-", "−"))
@@ -210,12 +219,16 @@ def _shorten(ax: Axes) -> None:
 
 
 def joint_title(k: int, name: str) -> str:
-    """Title of a panel or a line of joint k, from 0, whose name may not be known."""
+    """Return the title of joint k, counted from 0; `name` may be "".
+
+    >>> joint_title(0, "yaw")
+    'joint 1, yaw'
+    """
     return f"joint {k + 1}, {name}" if name else f"joint {k + 1}"
 
 
 def plain_numbers(axis: Axis) -> None:
-    """Powers of ten as numbers: matplotlib would write them in TeX, which is off here."""
+    """Label a logarithmic axis with plain numbers; matplotlib's TeX is off here."""
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -224,16 +237,16 @@ def plain_numbers(axis: Axis) -> None:
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure; the suffix chooses the format. A file that exists is replaced whole.
+    """Write a figure in the format of its suffix; an existing file is replaced whole.
 
     Raises:
-        InputError: for another suffix than those of FIGURES.
+        InputError: if the suffix is none of FIGURES.
     """
     path = Path(path)
     if path.suffix not in FIGURES:
         raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
     metadata = {"Date": None} if path.suffix == ".svg" else None
-    whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
+    whole = io.BytesIO()  # matplotlib does not report a full disk properly
     with style():
         figure.savefig(whole, format=path.suffix[1:], metadata=metadata)
     with replacing(path) as partial:
@@ -242,7 +255,7 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 
 def save_both(figure: Figure, path: Path) -> Path:
-    """Write a figure as .png, to look at, and as .svg, for pages; the path of the latter."""
+    """Write a figure as .png and, for pages, as .svg; return the path of the .svg."""
     save(figure, path.with_suffix(".png"))
     return save(figure, path.with_suffix(".svg"))
 
@@ -253,17 +266,17 @@ def pictures(*names: str) -> list[str]:
 
 
 def check_screen(where: str) -> None:
-    """Refuse to show figures where there is no screen.
+    """Check that figures can be shown on a screen.
 
     Raises:
-        InputError: naming `where`.
+        InputError: if there is no screen; the message begins with `where`.
     """
     import matplotlib.pyplot as plt
 
-    backend = matplotlib.get_backend()  # the best there is, unless $MPLBACKEND says which
+    backend = matplotlib.get_backend()  # the best one, or that of $MPLBACKEND
     try:
         plt.switch_backend(backend)
-        screen = backend.lower() not in _PAPER
+        screen = backend.lower() not in _FILE_BACKENDS
     except ImportError:
         screen = False
     if not screen:
@@ -274,10 +287,10 @@ def check_screen(where: str) -> None:
 
 
 def show(figure: Figure) -> None:
-    """Open a figure in a window; returns when that is closed. See `check_screen`."""
+    """Open a figure in a window and wait until it is closed; see `check_screen`."""
     import matplotlib.pyplot as plt
 
-    # Only pyplot has windows, and only figures of its own: ours takes the place of an empty one.
+    # Only pyplot opens windows, and only for its own figures: replace the figure of an empty one.
     canvas = plt.figure(figsize=figure.get_size_inches()).canvas
     canvas.figure = figure
     figure.set_canvas(canvas)

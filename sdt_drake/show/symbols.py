@@ -1,4 +1,4 @@
-"""How the blocks of this package are drawn in block diagrams."""
+"""Symbols of this package's blocks in block diagrams."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sdt_drake.show.diagrams import Symbols
 
 def _encoder(block: System) -> str:
     timing = block.GetUniquePeriodicDiscreteUpdateAttribute()
-    assert timing is not None  # all its holds have one period
+    assert timing is not None  # all holds of an encoder have the same period
     return f"encoder\n{1e3 * timing.period_sec():g} ms"
 
 
@@ -39,4 +39,4 @@ SYMBOLS: Symbols = {
     "SignalTable": "table",
     "TorqueLoop": "torque\nloop",
 }
-"""Symbols of blocks, as `sdt_drake.show.diagrams.walk` takes them."""
+"""Symbols by class, in the form of `sdt_drake.show.diagrams.walk`."""

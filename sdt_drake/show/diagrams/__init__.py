@@ -1,7 +1,7 @@
-"""Block diagrams as a control engineer draws them, of any Drake diagram.
+"""Block diagrams of any Drake diagram, drawn as control engineers draw them.
 
-`walk` tells what there is to see, and `laid_out` gives it places on a page. A page is written as
-text by `dot_text`, and painted by `painted`.
+`walk` finds the blocks and wires, and `laid_out` places them on a page. `dot_text` writes a page
+as text, and `painted` as a picture.
 """
 
 from sdt_drake.show.diagrams.dot import dot_text

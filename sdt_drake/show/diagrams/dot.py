@@ -1,4 +1,4 @@
-"""The page of a diagram as text in Graphviz' language, with all positions."""
+"""Pages of diagrams as text in Graphviz's language, with all positions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHAPES = {"box": "box", "sum": "circle", "end": "plaintext", "dot": "point"}
 
 
 def dot_text(page: Page) -> str:
-    """The page as .dot: `dot` draws it as it stands."""
+    """Return a page as .dot text, which `dot` draws without a layout of its own."""
     if not page.items:
         return f"digraph {_quoted(page.title)} {{\n}}\n"
     font = f'fontname="{_FACE}", fontsize={SIZE:g}'

@@ -1,4 +1,4 @@
-"""Which way the signals between the items of a frame run: what is ahead, and what is fed back."""
+"""Signal flow between the items of a frame: forward edges and feedback edges."""
 
 from __future__ import annotations
 
@@ -7,27 +7,28 @@ from graphlib import TopologicalSorter
 
 from sdt_drake.show.diagrams.walk import Path
 
-Edge = tuple[Path, Path]  # from an item to another
+Edge = tuple[Path, Path]
+"""The source and the target of an edge."""
 
 
 class Flow:
-    """Edges without those that are fed back, so that no cycle is left.
+    """The forward edges between items, which form no cycle.
+
+    Args:
+        items: items of the frame.
+        edges: edges between the items.
+        outputs: blocks with outputs of the diagram.
 
     Attributes:
-        ahead: the edges that are left.
-        order: items, none before one that leads to it.
-        targets: items that each leads to, ahead.
+        ahead: the forward edges.
+        order: the items, each behind all its sources.
+        targets: the targets of each item's forward edges.
     """
 
     def __init__(self, items: list[Path], edges: Collection[Edge], outputs: set[Path]) -> None:
-        """Args:
-        items: of the frame.
-        edges: between them.
-        outputs: blocks with outputs of the diagram.
-        """
         self._nearest = _nearest(items, edges)
         self.ahead = list(edges)
-        self._entry = self._cut()  # where the loop begins
+        self._entry = self._cut()
         if outputs:
             for path in reversed(_sorted(items, self.ahead)):
                 if path != self._entry and path not in outputs:
@@ -36,7 +37,10 @@ class Flow:
         self.targets = {path: [t for s, t in self.ahead if s == path] for path in items}
 
     def _cut(self) -> Path | None:
-        """Take away edges in cycles, first those to what is nearest to the source."""
+        """Remove edges until no cycle is left, and return the item where the loop begins.
+
+        Edges to the items nearest to the source are removed first.
+        """
         rank = {path: number for number, path in enumerate(self._nearest)}
         entry = None
         while core := _cyclic(self.ahead):
@@ -46,15 +50,18 @@ class Flow:
         return entry
 
     def _turn(self, path: Path, leaving: list[Edge]) -> None:
-        """An item all of whose signals are fed back (an encoder) stands in the way back itself."""
+        """Move an item into the feedback path if all its signals are fed back, as an encoder's."""
         if leaving and not set(leaving).intersection(self.ahead):
             self.ahead += leaving
             core = _cyclic(self.ahead)
             self.ahead = [edge for edge in self.ahead if edge[1] != path or edge not in core]
 
     def main(self, below: set[Path]) -> list[Path]:
-        """The longest way, not from what is `below`; or that from where the loop begins, with the
-        item before it."""
+        """Return the main line: the longest path from the item where the loop begins.
+
+        It includes the item before that one. Without a loop it is the longest path of all, not
+        counting those from the items `below`.
+        """
         longest: dict[Path, list[Path]] = {}
         for path in reversed(self.order):
             tails = (longest[target] for target in self.targets[path])
@@ -67,7 +74,7 @@ class Flow:
 
 
 def _nearest(items: list[Path], edges: Collection[Edge]) -> dict[Path, Path | None]:
-    """The item before each on the shortest way from a source, nearest items first."""
+    """Return for each item the one before it on the shortest path from a source, nearest first."""
     targets = {target for _, target in edges}
     before: dict[Path, Path | None] = {}
     for start in sorted(items, key=targets.__contains__):
@@ -81,13 +88,13 @@ def _nearest(items: list[Path], edges: Collection[Edge]) -> dict[Path, Path | No
 
 
 def _sorted(items: list[Path], edges: list[Edge]) -> list[Path]:
-    """Items, none before one that leads to it."""
+    """Sort items so that each is behind all its sources."""
     before = {path: [s for s, t in edges if t == path] for path in items}
     return list(TopologicalSorter(before).static_order())
 
 
 def _cyclic(edges: Collection[Edge]) -> set[Edge]:
-    """Edges in cycles."""
+    """Return the edges that belong to cycles."""
     reached = {s: {t for s_, t in edges if s_ == s} for s, _ in edges}
     for via in reached:
         for source in reached:

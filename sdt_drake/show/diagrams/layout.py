@@ -1,6 +1,6 @@
-"""Where the blocks of a picture stand: one line from left to right, loads above, feedback below.
+"""Places of blocks: a main line from left to right, loads above it, feedback below it.
 
-All lengths are in cells of a square grid; y grows downwards.
+Lengths are in cells of a square grid; y grows downwards.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from sdt_drake.show.diagrams.flow import Edge, Flow
 from sdt_drake.show.diagrams.text import text_size, wrapped
 from sdt_drake.show.diagrams.walk import Block, BlockDiagram, Frame, Path, Wire
 
-CELL = 6.5  # points
-MARGIN = 2  # cells between the border of a frame and what is in it
-TITLE = 4  # cells for the title of a frame
-GAP = 3  # cells between blocks
+CELL = 6.5
+"""The size of a cell [points]."""
+MARGIN = 2
+"""The space between a frame and its content [cells]."""
+TITLE = 4
+"""The height of a frame's title [cells]."""
+GAP = 3
+"""The smallest space between blocks [cells]."""
 
 
 @dataclass(frozen=True)
 class Rect:
-    """A rectangle of cells from (left, top) to (right, bottom), and the height y of its line."""
+    """A rectangle of cells from (left, top) to (right, bottom), whose signal line is at y."""
 
     left: float
     top: float
@@ -31,11 +35,11 @@ class Rect:
     y: float = 0
 
     def moved(self, dx: float, dy: float) -> Rect:
-        """A rectangle of the same size elsewhere."""
+        """Return the rectangle moved by (dx, dy)."""
         return Rect(self.left + dx, self.top + dy, self.right + dx, self.bottom + dy, self.y + dy)
 
     def overlaps(self, other: Rect, margin: float = 0) -> bool:
-        """Whether less than `margin` cells are between them."""
+        """Check if less than `margin` cells lie between two rectangles."""
         return (
             self.left < other.right + margin
             and other.left < self.right + margin
@@ -48,10 +52,10 @@ Places = dict[Path, Rect]
 
 
 class Layout:
-    """Positions of blocks and frames, and which way the signals run.
+    """Places of blocks and frames.
 
     Attributes:
-        rects: by path, of blocks and of frames.
+        rects: rectangles of blocks and frames by path.
         back: wires that run from right to left.
     """
 
@@ -59,12 +63,12 @@ class Layout:
         self.picture = picture
         self.gap = gap
         self.back: set[Wire] = set()
-        self._fed: set[Wire] = set()  # back, and all that carry on what these bring alone
-        self._below: set[Path] = set()  # what is fed back
+        self._fed: set[Wire] = set()  # `back`, and the wires of items that have no other inputs
+        self._below: set[Path] = set()  # items of the feedback path
         self.rects = self._placed(picture.frame)
 
     def _placed(self, frame: Frame) -> Places:
-        """All in a frame, its main line at y = 0, and the frame itself if it has a border."""
+        """Place a frame and its content, the main line at y = 0."""
         within = {block.path: item.path for item in frame.items for block in item.blocks()}
         wires = self._wires(within, len(frame.path))
         flow = Flow(list(dict.fromkeys(within.values())), wires, self.picture.exported)
@@ -90,7 +94,7 @@ class Layout:
         return level.placed | border
 
     def _block(self, block: Block) -> dict[Path, Rect]:
-        """A block around (0, 0), high enough for the lines on each side."""
+        """Place a block around (0, 0), high enough for the wires on each side."""
         wires = self.picture.wires
         entering = sum(wire.target == block.path for wire in wires)
         leaving = len({wire.output for wire in wires if wire.source == block.path})
@@ -102,13 +106,16 @@ class Layout:
         return {block.path: Rect(-x, -y, x, y)}
 
     def _gap(self, wires: list[Wire]) -> int:
-        """Cells between two blocks, enough for the name of the signal and an arrow head."""
+        """Return the cells between two blocks that a signal's name and arrow head require."""
         labels = {self.picture.labels.get((wire.source, wire.output), "") for wire in wires}
         widths = (text_size(wrapped(label, 8))[0] / CELL + 1.3 for label in labels if label)
         return max([self.gap, *map(math.ceil, widths)])
 
     def _wires(self, within: dict[Path, Path], level: int) -> dict[Edge, list[Wire]]:
-        """Wires between two different items of a frame, by the items, which are given by block."""
+        """Return the wires between different items of a frame, by these items.
+
+        `within` contains the item of each block.
+        """
         wires: dict[Edge, list[Wire]] = {}
         for wire in self.picture.wires:
             source, target = within.get(wire.source), within.get(wire.target)
@@ -123,7 +130,7 @@ class Layout:
     def _mark_fed(
         self, flow: Flow, wires: dict[Edge, list[Wire]], within: dict[Path, Path]
     ) -> None:
-        """Wires that run back, and items that get nothing else."""
+        """Find the wires that run back, and the items that have no other inputs."""
         for edge in wires.keys() - set(flow.ahead):
             self.back.update(wires[edge])
         self._fed |= self.back
@@ -137,32 +144,27 @@ class Layout:
 
 @dataclass
 class _Level:
-    """The items of a frame, which get their places one after the other.
-
-    Attributes:
-        flow: which way the signals between them run.
-        wires, gaps: of each edge; a gap is the cells that it needs at least.
-        parts: all in each item, with the item itself, around a place of its own.
-        placed: those that have their places.
-    """
+    """The items of a frame, placed one after the other."""
 
     flow: Flow
     wires: dict[Edge, list[Wire]]
     gaps: dict[Edge, int]
+    """The smallest space along each edge [cells]."""
     parts: dict[Path, Places]
+    """Each item and its content, around an origin of its own."""
     placed: Places
 
     def put(self, path: Path, left: float, y: float) -> None:
-        """Give an item, with all in it, its place."""
+        """Place an item and its content."""
         x = left - self.parts[path][path].left
         self.placed |= {inner: rect.moved(x, y) for inner, rect in self.parts[path].items()}
 
     def behind(self, before: Path, path: Path) -> float:
-        """Where an item may begin behind another; 0 if that is nothing."""
+        """Return the smallest left end of an item behind another; 0 without another."""
         return self.placed[before].right + self.gaps.get((before, path), 0) if before else 0
 
     def left(self, path: Path) -> float:
-        """Where an item begins: as far to the right as what it leads to allows."""
+        """Return the left end of an item, as far to the right as its targets allow."""
         own, ends = self.parts[path][path], []
         for target in self.flow.targets[path]:
             for wire in self.wires[path, target]:
@@ -173,12 +175,12 @@ class _Level:
         return max(0, *least, min(ends, default=0) - (own.right - own.left))
 
     def rows(self, path: Path) -> set[float]:
-        """Heights of the blocks that an item leads to, but for the main line's."""
+        """Return the heights of an item's target blocks, without that of the main line."""
         edges = ((path, target) for target in self.flow.targets[path])
         return {self.placed[wire.target].y for edge in edges for wire in self.wires[edge]} - {0}
 
     def is_free(self, path: Path, left: float, y: float, gap: int) -> bool:
-        """Whether an item there touches neither the main line nor another one."""
+        """Check if an item at this place is clear of the main line and of all other items."""
         own = self.parts[path][path]
         rect = own.moved(left - own.left, y)
         line = Rect(rect.left, -2, rect.right, 2)
@@ -186,7 +188,7 @@ class _Level:
 
 
 def bounds(rects: Collection[Rect], margin: float = 0, title: float = 0) -> Rect:
-    """The rectangle around others, with more space above them for a title."""
+    """Return the rectangle around others, with additional space for a title."""
     return Rect(
         min(rect.left for rect in rects) - margin,
         min(rect.top for rect in rects) - margin - title,

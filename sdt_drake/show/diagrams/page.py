@@ -1,4 +1,4 @@
-"""Boxes, wires and texts of a picture with their places on a page."""
+"""Boxes, wires and texts with their places on a page."""
 
 from __future__ import annotations
 
@@ -13,30 +13,31 @@ from sdt_drake.show.diagrams.walk import BlockDiagram, Wire
 
 Place = tuple[float, float]  # x to the right, y upwards [points]
 
-HEAD = 6.0  # length of an arrow head [points]
-TITLE_X, TITLE_Y = 0.75 * CELL, 1.1 * CELL  # of a frame's title, from its upper left corner
+HEAD = 6.0
+"""The length of an arrow head [points]."""
+TITLE_X, TITLE_Y = 0.75 * CELL, 1.1 * CELL
+"""The place of a frame's title, from the frame's upper left corner [points]."""
 
 
 class Item(NamedTuple):
-    """A thing with a middle, width and height [points].
-
-    Attributes:
-        name: path of a block or frame with slashes, or "dot N", or "note N".
-        text: lines on it; of a frame, in its upper left corner.
-        shape: "box", "sum", "dot" (where wires branch), "end" (a text alone) or "frame".
-    """
+    """A block, frame, dot or text of a page."""
 
     name: str
+    """The path of a block or frame with slashes, or "dot N" or "note N"."""
     text: str
+    """Lines in the middle; the title of a frame."""
     shape: str
+    """One of "box", "sum", "dot" (where a wire branches), "end" (text alone) and "frame"."""
     x: float
+    """The centre [points], as y."""
     y: float
     width: float
+    """The size [points], as height."""
     height: float
 
 
 class Page(NamedTuple):
-    """A picture of this width and height [points]: frames, what is in them, corners of wires."""
+    """A page of this width and height [points]: frames, items, and wires with their corners."""
 
     title: str
     width: float = 0
@@ -47,10 +48,10 @@ class Page(NamedTuple):
 
 
 def laid_out(picture: BlockDiagram) -> Page:
-    """The page of a block diagram.
+    """Lay out a block diagram on a page.
 
     Raises:
-        NoWayError: for a diagram with more lines than can be drawn.
+        NoWayError: if the diagram has more lines than can be drawn.
     """
     if not any(picture.frame.blocks()):
         return Page(picture.frame.title)
@@ -58,7 +59,7 @@ def laid_out(picture: BlockDiagram) -> Page:
 
 
 def shaft(line: list[Place]) -> list[Place]:
-    """A wire without its arrow head."""
+    """Return the corners of a wire without its arrow head."""
     *_, (u, v), (x, y) = line
     length = abs(u - x) + abs(v - y)
     return [*line[:-1], (x + (u - x) * HEAD / length, y + (v - y) * HEAD / length)]
@@ -71,7 +72,7 @@ class _Drawing:
         self.rects = self.router.rects
         self.lines = {wire: _corners(line) for wire, line in self.router.lines.items()}
         self.frames = [frame for frame in picture.frame.frames() if frame.path]
-        # What no text may cover.
+        # Rectangles that no text may cover.
         self.taken = [self.rects[block.path] for block in picture.frame.blocks()]
         for a, b in chain.from_iterable(map(pairwise, self.lines.values())):
             self.taken.append(bounds([Rect(*a, *a), Rect(*b, *b)], 0.05))
@@ -110,7 +111,7 @@ class _Drawing:
     # --- texts beside lines --------------------------------------------------------------------
 
     def _signs(self) -> Iterator[tuple[Rect, str]]:
-        """The sign of each wire above or right of its arrow, or where that covers less opposite."""
+        """Place the sign of each wire on the side of its arrow where it covers less."""
         for wire, line in self.router.lines.items():
             (u, v), (x, y) = line[-2:]
             places = [(u - 0.3, y - 0.9), (u - 0.3, y + 0.9)]
@@ -123,7 +124,7 @@ class _Drawing:
                 yield _around(*at, 1.2, 2), wire.sign
 
     def _labels(self) -> Iterator[tuple[Rect, str]]:
-        """The name of each signal where it covers least, near to its source."""
+        """Place the name of each signal where it covers least, near its source."""
         for signal, label in self.picture.labels.items():
             lines = [ln for w, ln in self.router.lines.items() if (w.source, w.output) == signal]
             texts = dict.fromkeys((wrapped(label, 99), wrapped(label, 8)))
@@ -142,7 +143,7 @@ class _Drawing:
 
 
 def _beside(x: int, y: int, text: str) -> Iterator[Rect]:
-    """Places for a text beside a point of a line."""
+    """Return the possible places of a text beside a point of a wire."""
     w, h = (length / CELL for length in text_size(text))
     corners = (0.3, -h - 0.15), (0.3, 0.15), (0.4, -h / 2), (-w - 0.4, -h / 2)
     return (Rect(x + dx, y + dy, x + dx + w, y + dy + h) for dx, dy in corners)

@@ -1,4 +1,4 @@
-"""The page of a diagram painted by matplotlib."""
+"""Pages of diagrams drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from sdt_drake.show.diagrams.text import LINE, in_mathtext
 
 PICTURES = ("svg", "png", "pdf")
 
-_FAMILY = b"font-family: 'DejaVu Sans', Verdana, sans-serif"  # where matplotlib's own is missing
+# Fonts for machines without matplotlib's.
+_FAMILY = b"font-family: 'DejaVu Sans', Verdana, sans-serif"
 _STYLE: dict[Any, Any] = {
     "patch.linewidth": 1.0,
     "font.family": "DejaVu Sans",
-    "font.size": 10.0,  # it is wider than the Helvetica of `text_size`
+    "font.size": 10.0,  # DejaVu Sans is wider than the Helvetica of `text_size`
     "mathtext.fontset": "dejavusans",
     "svg.fonttype": "none",  # texts stay texts
     "svg.hashsalt": "diagram",  # equal pages give equal files
@@ -35,12 +36,12 @@ _GRAY = "0.35"
 
 
 def painted(page: Page, format_: str, *, about: str = "") -> bytes:
-    """A picture file of a page; equal pages give equal files.
+    """Return a page as the content of a picture file; equal pages give equal files.
 
     Args:
-        page: to paint.
+        page: the page.
         format_: "svg", "png" or "pdf".
-        about: a description in the file.
+        about: a description that the file contains.
     """
     metadata: dict[str, dict[str, str | None]] = {
         "svg": {"Title": page.title, "Description": about, "Date": None},
@@ -55,7 +56,7 @@ def painted(page: Page, format_: str, *, about: str = "") -> bytes:
 
 
 def figure(page: Page) -> Figure:
-    """A page as a figure of its size."""
+    """Draw a page as a figure of the same size."""
     size = (page.width + 2 * _BORDER) / 72, (page.height + 2 * _BORDER) / 72  # inch
     sheet = Figure(figsize=size, facecolor="white")
     points = Affine2D().translate(_BORDER, _BORDER).scale(1 / 72) + sheet.dpi_scale_trans
@@ -92,7 +93,7 @@ def _box(item: Item, colour: str, dashes: Any) -> Rectangle:
 
 
 def _head(x: float, y: float, u: float, v: float) -> Polygon:
-    """An arrow head from the middle of its base to its tip."""
+    """Draw an arrow head from the middle of its base (x, y) to its tip (u, v)."""
     a, b = (v - y) * 0.35, (u - x) * 0.35
     return Polygon([(x - a, y + b), (u, v), (x + a, y - b)], color="black", linewidth=0)
 
@@ -104,7 +105,7 @@ def _lines(
     colour: str = "black",
     align: Literal["left", "center"] = "center",
 ) -> Iterator[Text]:
-    """Texts of the lines around a height, each by its own: an .svg keeps these whole."""
+    """Draw each line as a text of its own, as .svg files keep these whole."""
     lines = text.split("\n")
     y += (len(lines) - 1) / 2 * LINE - _CAP
     for number, line in enumerate(map(in_mathtext, lines)):

@@ -1,4 +1,4 @@
-"""Orthogonal lines from block to block, which cross each other but never run on one another."""
+"""Orthogonal lines from block to block, which may cross but never run on one another."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from sdt_drake.show.diagrams.layout import GAP, Layout, Rect, bounds
 from sdt_drake.show.diagrams.walk import BlockDiagram, Signal, Wire
 
 Point = tuple[int, int]
-_State = tuple[Point, int]  # and the direction of the last step
+_State = tuple[Point, int]  # a point, and the direction of the last step
 
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # right, down, left, up
 _BEND, _CROSS, _BORDER, _FRAME, _NEAR, _ASIDE, _FROM_ABOVE = 4, 3, 3, 0.5, 1, 3, 50
 
 
 class NoWayError(Exception):
-    """A line does not find a way: there is too little space between the blocks."""
+    """An error for a line that finds no way, as the space between the blocks is too small."""
 
 
 def _cells(begin: float, end: float) -> range:
@@ -26,12 +26,12 @@ def _cells(begin: float, end: float) -> range:
 
 
 class Router:
-    """Lines of a picture, moved to where x and y are positive.
+    """The lines of a block diagram, in coordinates with positive x and y.
 
     Attributes:
-        rects: by path, of blocks and of frames.
-        lines: points of each wire, from the block that it leaves, or from where it branches off a
-            line of the same signal, to the block that it enters.
+        rects: rectangles of blocks and frames by path.
+        lines: points of each wire, from its source block to its target block. A further wire of a
+            signal begins where it branches off.
         joints: points where lines branch off.
     """
 
@@ -47,7 +47,7 @@ class Router:
             for path in {wire.target for wire in picture.wires}
         }
         self._trees: dict[Signal, set[Point]] = {}
-        # What a step to a point along an axis costs.
+        # The cost of a step to a point along each axis.
         size = int(around.right - around.left) + 1, int(around.bottom - around.top) + 1
         self._toll = np.ones((2, *size))
         self._used = np.zeros(size, dtype=np.bool_)
@@ -93,7 +93,7 @@ class Router:
             self._used[point] = True
 
     def _outlets(self, wire: Wire) -> dict[_State, float]:
-        """Beginnings for a line: what each costs."""
+        """Return the cost of each possible beginning of a line."""
         rect, target = self.rects[wire.source], self.rects[wire.target]
         ys = _cells(rect.top + 1, rect.bottom)
         outlets = {((int(rect.right), y), 0): _ASIDE * abs(y - rect.y) for y in ys}
@@ -104,7 +104,10 @@ class Router:
         return {state: cost for state, cost in outlets.items() if not self._used[state[0]]}
 
     def _inlets(self, wire: Wire) -> dict[_State, float]:
-        """Ends for a line: what each costs. From above comes what stands highest, if it can."""
+        """Return the cost of each possible end of a line.
+
+        The line from the highest source enters from above, if it can.
+        """
         rect, source = self.rects[wire.target], self.rects[wire.source]
         is_highest = source.bottom <= rect.top and source.y == self._highest[wire.target]
         ys = _cells(rect.top + 1, rect.bottom)
@@ -119,7 +122,7 @@ class Router:
     def _cheapest(
         self, starts: dict[_State, float], goals: dict[_State, float], target: Rect
     ) -> list[Point]:
-        """The cheapest way from a start to a goal at the border of a block (A*)."""
+        """Find the cheapest way from a start to a goal at the border of a block (A*)."""
         toll, used = self._toll.tolist(), self._used.tolist()
         costs = dict(starts)
         queue = [(cost, cost, state) for state, cost in costs.items()]
@@ -147,10 +150,10 @@ class Router:
 
 
 def routed(picture: BlockDiagram) -> Router:
-    """Positions and lines, with as much space between the blocks as the lines need.
+    """Place blocks and lines, with as much space between the blocks as the lines need.
 
     Raises:
-        NoWayError: if there is never enough.
+        NoWayError: if no tried space is sufficient.
     """
     for gap in range(GAP, 40):
         try:

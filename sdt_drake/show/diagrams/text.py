@@ -1,4 +1,4 @@
-"""Texts in a picture: Greek letters, subscripts, and how wide they are."""
+"""Texts of block diagrams: Greek letters, subscripts, and their size."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import html
 import re
 import textwrap
 
-SIZE = 11.0  # points
-LINE = 13.0  # points from one line to the next
+SIZE = 11.0
+"""The size of letters [points]."""
+LINE = 13.0
+"""The distance of lines [points]."""
 
 _GREEK = {"alpha": "α", "beta": "β", "zeta": "ζ", "tau": "τ", "theta": "θ", "omega": "ω"}
 _SYMBOL = re.compile(rf"\b(?:([A-Za-z])_|({'|'.join(_GREEK)})(?:_|\b))((?:\w|,(?=\w))*)")
@@ -16,13 +18,17 @@ _NARROW, _WIDE = set("iljtfrI.,:;'|()/ "), set("mwMW%")
 
 
 def in_html(text: str) -> str:
-    """A text for Graphviz, with Greek letters and subscripts: tau_cmd, K_IS, load_torque."""
+    """Return a text as Graphviz's HTML, with Greek letters and subscripts.
+
+    >>> in_html("tau_cmd"), in_html("load_torque")
+    ('τ<SUB>cmd</SUB>', 'load torque')
+    """
     text = html.escape(_marked(text)).replace("\n", "<BR/>")
     return text.replace(_SUB, "<SUB>").replace(_END, "</SUB>")
 
 
 def in_mathtext(line: str) -> str:
-    """A line for matplotlib, as `in_html`."""
+    """Return a line as matplotlib's mathtext, with Greek letters and subscripts."""
     line = _marked(line).replace("$", r"\$")
     return line.replace(_SUB, r"$_{\text{").replace(_END, "}}$")
 
@@ -36,7 +42,7 @@ def _marked(text: str) -> str:
 
 
 def text_size(text: str) -> tuple[float, float]:
-    """Width and height [points], the same whatever fonts are there."""
+    """Estimate width and height [points], independent of the machine's fonts."""
     lines = _SYMBOL.sub(lambda match: "x" + match[3], text).split("\n")
     return max(sum(map(_letter, line)) for line in lines) * SIZE, LINE * len(lines)
 
@@ -47,7 +53,7 @@ def _letter(letter: str) -> float:
 
 
 def wrapped(name: str, width: int = 11) -> str:
-    """A name in lines of up to `width` letters, where it is of several words."""
+    """Break a name of several words into lines of up to `width` letters."""
     if _SYMBOL.match(name):
         return name
     return textwrap.fill(name.replace("_", " "), width, break_long_words=False)

@@ -1,10 +1,9 @@
-"""What a picture of a Drake diagram shows: its blocks, its signals, and the frames around them.
+"""The blocks, signals and frames that a picture of a Drake diagram shows.
 
-Any diagram will do. Symbols say how systems are drawn whose names are not enough: texts on their
-blocks, by the name of their class or of one of its bases. "Class.name" is a single system in a
-Diagram of that class. A symbol may also be a function of the system. A Diagram with a symbol is
-drawn as one block, never opened. A system with a symbol gives its own name to an output that Drake
-has named.
+Symbols are texts on blocks in place of their names, by the name of a class or base class.
+"Class.name" is a single system in a Diagram of that class. A symbol may also be a function of the
+system. A Diagram with a symbol is drawn as one block and never opened. A system with a symbol gives
+its own name to an output that Drake has named.
 """
 
 from __future__ import annotations
@@ -22,54 +21,48 @@ from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, 
 
 from sdt_drake.show.diagrams.text import wrapped
 
-Path = tuple[str, ...]  # names of systems, from the outermost one to the one that is meant
-Signal = tuple[Path, int]  # a block and the index of its output port
-_Port = tuple[Path, str, int]  # of a system, "in" or "out", its index
+Path = tuple[str, ...]
+"""Names of nested systems, from the outermost one."""
+Signal = tuple[Path, int]
+"""A block and the index of its output port."""
+_Port = tuple[Path, str, int]  # a system, "in" or "out", and an index
 Symbols = Mapping[str, "str | Callable[[System], str]"]
 
-_GENERIC = re.compile(r"[uy]\d*|sum|.*@.*")  # names of ports that Drake gives
+_GENERIC = re.compile(r"[uy]\d*|sum|.*@.*")  # Drake's own names of ports
 
 
 @dataclass(frozen=True)
 class Block:
-    """A box, sum, or (shape "end") the name of a signal that comes from or goes outside.
-
-    Attributes:
-        path: of its system.
-        text: lines on it.
-        shape: "box", "sum" or "end".
-    """
+    """A box, a sum, or the name of an input or output of the diagram."""
 
     path: Path
     text: str
+    """The lines on the block."""
     shape: str = "box"
+    """One of "box", "sum" and "end" (the name of an input or output)."""
 
     def blocks(self) -> Iterator[Block]:
-        """The block itself, as a frame has its blocks."""
+        """Yield the block itself, as `Frame.blocks` yields those of a frame."""
         yield self
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A Diagram that is opened: a frame around its blocks.
-
-    Attributes:
-        path: of the Diagram, () for the outermost one.
-        items: what is in it, in the order in which it was added.
-        title: its name.
-    """
+    """A frame around the blocks of an opened Diagram."""
 
     path: Path
+    """The path of the Diagram; () for the outermost one."""
     items: tuple[Block | Frame, ...]
+    """Blocks and frames in the order in which they were added."""
     title: str
 
     def blocks(self) -> Iterator[Block]:
-        """All blocks in it and in its frames."""
+        """Yield all blocks within the frame, at all levels."""
         for item in self.items:
             yield from item.blocks()
 
     def frames(self) -> Iterator[Frame]:
-        """The frame and all frames in it."""
+        """Yield the frame and all frames within it."""
         yield self
         for item in self.items:
             if isinstance(item, Frame):
@@ -78,47 +71,39 @@ class Frame:
 
 @dataclass(frozen=True)
 class Wire:
-    """A connection from an output of a block to an input of another.
-
-    Attributes:
-        source: path of the block.
-        output: index of its port.
-        target: path of the other block.
-        input: index of its port.
-        level: number of Diagrams around the one in which the systems are connected.
-        sign: "+" or "−" at a sum, else "".
-    """
+    """A connection from an output port of a block to an input port of another."""
 
     source: Path
     output: int
+    """The index of the output port."""
     target: Path
     input: int
+    """The index of the input port."""
     level: int = 0
+    """The number of Diagrams around the one that makes the connection."""
     sign: str = ""
+    """The sign at a sum, "+" or "−"; else ""."""
 
 
 @dataclass(frozen=True)
 class BlockDiagram:
-    """Attributes:
-    frame: the outermost frame.
-    wires: between its blocks.
-    labels: names of signals.
-    exported: blocks with outputs of the diagram.
-    """
+    """Blocks, wires and names of signals, without places."""
 
     frame: Frame
+    """The outermost frame."""
     wires: list[Wire]
     labels: dict[Signal, str]
+    """The names of signals."""
     exported: set[Path]
+    """Blocks with outputs of the diagram."""
 
 
 def walk(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> BlockDiagram:
-    """Blocks and signals of a diagram, down to `max_depth` levels of opened Diagrams.
+    """Find the blocks and signals of a diagram, down to `max_depth` levels of opened Diagrams.
 
-    Blocks have the `symbols` of the module's docstring. Not drawn: logs and what nothing else
-    reads. PassThroughs are lines.
-    A Gain or MatrixGain without positive coefficients is drawn as the positive one where its
-    minus sign can stand at the sums behind it.
+    Logs, and blocks with unused outputs, are left out. PassThroughs become lines. The minus sign
+    of a Gain or MatrixGain without positive coefficients moves to the sums behind it, if it can.
+    The module's docstring describes `symbols`.
     """
     return _Walk(diagram, max_depth, symbols or {}).result()
 
@@ -127,10 +112,10 @@ class _Walk:
     def __init__(self, top: Diagram, max_depth: int, symbols: Symbols) -> None:
         self.known = symbols
         self.systems: dict[Path, System] = {(): top}
-        self.children: dict[Path, list[Path]] = {}  # of opened Diagrams
-        self.leaves: list[Path] = []  # all others but PassThroughs and logs
+        self.children: dict[Path, list[Path]] = {}  # by opened Diagram
+        self.leaves: list[Path] = []  # other systems, without PassThroughs and logs
         self.symbols: dict[Path, str | None] = {}
-        self.before: dict[_Port, _Port] = {}  # the port that a port has its signal from
+        self.before: dict[_Port, _Port] = {}  # the source of each port
         self._open((), max_depth)
 
     def _open(self, path: Path, depth: int) -> None:
@@ -138,7 +123,7 @@ class _Walk:
         paths: dict[System, Path] = {}
         for index, system in enumerate(diagram.GetSystems()):
             name = system.get_name()
-            if "@" in name or not name:  # Drake's, with an address of memory
+            if "@" in name or not name:  # Drake's name contains a memory address
                 name = f"{_classes(system)[0]}_{index}"
             paths[system] = child = (*path, name)
             self.systems[child] = system
@@ -183,7 +168,7 @@ class _Walk:
         return BlockDiagram(frame, wires, labels, {path for path, _, _ in exported})
 
     def _chain(self, port: _Port) -> list[_Port]:
-        """A port and all before it, up to where its signal comes from."""
+        """Return a port and all ports before it, up to the source of its signal."""
         chain = [port]
         while chain[-1] in self.before:
             chain.append(self.before[chain[-1]])
@@ -204,7 +189,10 @@ class _Walk:
         return wires
 
     def _drawn(self, wires: list[Wire], exported: set[Path]) -> set[Path]:
-        """Blocks but for logs and what nothing else reads; all but logs if nothing is read."""
+        """Find the blocks to draw: neither logs nor blocks with unused outputs.
+
+        If no output is used at all, only logs are left out.
+        """
         drawn: set[Path] = set()
         kept = set(self.leaves)
         while drawn != kept:
@@ -217,7 +205,7 @@ class _Walk:
         return self.systems[path].num_output_ports()
 
     def _blocks(self, drawn: set[Path], wires: list[Wire]) -> tuple[dict[Path, Block], list[Wire]]:
-        """Blocks and signed wires; the minus of a gain stands at the sums behind it, if it can."""
+        """Make blocks and signed wires; a gain's minus moves to the sums behind it, if it can."""
         leaving: dict[Path, list[Wire]] = {path: [] for path in drawn}
         signs: dict[Wire, int] = {}  # at sums
         for wire in wires:
@@ -227,7 +215,7 @@ class _Walk:
         gains = {path: sign for path in drawn if (sign := _gain_sign(self.systems[path]))}
         behind = {path: {wire.target for wire in leaving[path]} & gains.keys() for path in gains}
         minus = dict.fromkeys(drawn, "")
-        stands: dict[Path, list[Wire]] = {}  # by gain: the wires to sums where its sign can stand
+        stands: dict[Path, list[Wire]] = {}  # by gain: wires to sums that can have its sign
         for path in TopologicalSorter(behind).static_order():  # none before a gain behind it
             ends = [[w] if w in signs else stands.get(w.target, []) for w in leaving[path]]
             stands[path] = [*chain(*ends)] if all(ends) else []
@@ -255,7 +243,7 @@ class _Walk:
         for child in self.children[path]:
             if child in self.children:
                 inner = self._frame(child, blocks)
-                # A frame around a single block says nothing.
+                # A frame around a single block is left out.
                 alone = len(inner.items) == 1 and isinstance(inner.items[0], Block)
                 items += inner.items if alone else [inner] * bool(inner.items)
             elif child in blocks:
@@ -266,7 +254,7 @@ class _Walk:
         return Frame(path, tuple(items), title)
 
     def _labels(self, wires: list[Wire], blocks: dict[Path, Block]) -> dict[Signal, str]:
-        """The outermost name of each signal that is a word of ours."""
+        """Return the outermost name of each signal that Drake has not chosen itself."""
         labels: dict[Signal, str] = {}
         signals = {(wire.source, wire.output): None for wire in wires if wire.source in blocks}
         for path in [*sorted(self.children, key=len), *(path for path, _ in signals)]:
@@ -284,12 +272,12 @@ class _Walk:
 
 
 def _classes(system: System) -> list[str]:
-    """Names of a system's class and its bases."""
+    """Return the names of a system's class and its bases."""
     return [kind.__name__.partition("_[")[0] for kind in type(system).__mro__]
 
 
 def _gain_sign(system: System) -> int:
-    """-1 for a gain with negative coefficients and no positive one, else 1; 0: no gain."""
+    """Return -1 for a gain without positive coefficients, 1 for another gain, 0 for no gain."""
     if not isinstance(system, (primitives.Gain, primitives.MatrixGain)):
         return 0
     context = system.CreateDefaultContext()

@@ -1,4 +1,4 @@
-"""Figures of designs: what more costs, and what it gives."""
+"""Figures of designs: error over cost."""
 
 from __future__ import annotations
 
@@ -23,18 +23,20 @@ _RING: dict[str, Any] = {
 
 
 def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figure:
-    """Error over cost: the designs that no other beats, and the rest in grey.
+    """Draw error over cost: the Pareto front in colour, all other designs in grey.
 
     Args:
-        title, table: as in `distributions`; with `choices`.
-        cost, error: outcomes, of a design the largest over all its runs; a family for the worst
-            joint of it.
+        title: title of the figure.
+        table: the table of a study with `choices`.
+        cost: outcome on the x axis. A family stands for its worst joint; a design counts with the
+            largest value of its runs.
+        error: outcome on the y axis, in the same form.
     """
     first, worst = table.designs(cost, error)
     x, y = (metric_of(name).factor * own for name, own in zip((cost, error), worst, strict=True))
     front = pareto(x, y)
     levels, groups = [ALL_RUNS], np.full(len(first), ALL_RUNS)
-    if is_told := table.by in (table.choices or ()):  # else a design has runs of several groups
+    if has_groups := table.by in (table.choices or ()):  # else a design has runs of several groups
         levels, groups = list(table.groups), table.group[first]
     with style():
         figure, ((ax,),) = grid(1, 1, panel=(7.2, 4.2), left=0.85, bottom=BOTTOM)
@@ -51,21 +53,22 @@ def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figur
         scale(ax, "y", y)
         ax.set_xlabel(outcome_label(table, cost))
         ax.set_ylabel(outcome_label(table, error))
-        handles = group_handles(levels, lines=False) if is_told else []
+        handles = group_handles(levels, lines=False) if has_groups else []
         handles += [
-            Line2D([], [], color="0.2", label="no other design beats it"),
-            Line2D([], [], color="0.75", linestyle="", marker="o", label="another one does"),
+            Line2D([], [], color="0.2", label="no other design is better"),
+            Line2D([], [], color="0.75", linestyle="", marker="o", label="another one is better"),
         ]
         return finish(figure, title, handles)
 
 
 def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
-    """Speed error over motor mass: a panel for each controller, all with one scale; candidates that
-    keep all requirements filled, and the Pareto front of these as a line.
+    """Draw speed error over motor mass, a panel for each controller.
+
+    Candidates that meet all requirements are filled; their Pareto front is a line with rings.
 
     Args:
-        title: of the figure.
-        verdicts: of `verdicts.judge_candidates`.
+        title: title of the figure.
+        verdicts: verdicts of `judge_candidates`.
     """
     labels = list(dict.fromkeys(verdict.controller for verdict in verdicts))
     with style():
@@ -83,9 +86,9 @@ def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
         axes[0].set_ylabel(METRICS["max_abs_speed_error"].label)
         dot: dict[str, Any] = {"linestyle": "", "marker": "o"}
         handles = [
-            Line2D([], [], color="0.2", label="keeps all requirements", **dot),
+            Line2D([], [], color="0.2", label="meets all requirements", **dot),
             Line2D([], [], color="0.65", markerfacecolor="none", label="misses some", **dot),
-            Line2D([], [], label="of these, no other beats it", **_RING),
+            Line2D([], [], label="meets all, and no other is better", **_RING),
         ]
         return finish(figure, title, handles)
 

@@ -1,4 +1,4 @@
-"""Figures of an identified robot: torques, what is left of them, friction."""
+"""Figures of an identified robot: torques, torque not explained, and friction."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from sdt_drake.show.style import PALETTE, Look, joint_title
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 
-_DOTS = 800  # of a joint, at most: each is an element of the picture
+_MAX_DOTS = 800  # of a joint, as each is an element of the .svg
 
 
 def identification_title(found: Identified) -> str:
-    """The title of a report: what was identified."""
+    """Return the title of the figures: the robot that was identified."""
     return f"{found.nominal.name} identified"
 
 
 def torques_figure(found: Identified) -> Figure:
-    """Measured torque, what the identified and the nominal robot predict, and what is left."""
+    """Draw measured and predicted torques, and the torque not explained, a row for each joint."""
     eq, time = found.equations, _running_time(found)
     lines = [
         ("measured", MEASURED, eq.tau),
@@ -33,22 +33,25 @@ def torques_figure(found: Identified) -> Figure:
     left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
     names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
     torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
-    errors = over_time("left [N m]", time, left, marked=held, marked_label=why)
+    errors = over_time("not explained [N m]", time, left, marked=held, marked_label=why)
     return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
 
 
 def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
-    """What is left over the speed of each joint, and its friction: that of the fit, which noise may
-    make drive, and that of the table and the scenario, which never does."""
+    """Draw the torque not explained, and friction, over the speed of each joint.
+
+    Two friction laws are drawn. Noise may make that of the fit drive the joint; that of the table
+    and of the scenario never does.
+    """
     eq, estimate = found.equations, found.estimate
     laws, errors = [], []
     own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
     for k, name in enumerate(found.nominal.joint_names):
-        order = np.argsort(eq.v[:, k])[:: 1 + len(eq.v) // _DOTS]
+        order = np.argsort(eq.v[:, k])[:: 1 + len(eq.v) // _MAX_DOTS]
         v = eq.v[order, k]
         left = (eq.tau - found.predicted)[order, k]
         errors.append(
-            Panel(joint_title(k, name), "speed [rad/s]", "left [N m]", v,
+            Panel(joint_title(k, name), "speed [rad/s]", "not explained [N m]", v,
                   [Line("measured - identified", MEASURED, left, dots=True)])
         )  # fmt: skip
         grid = np.linspace(v[0], v[-1], 400)
@@ -64,12 +67,13 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
         ]
         laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
     return picture(
-        f"{identification_title(found)}: what is left, and friction, over speed", [errors, laws]
+        f"{identification_title(found)}: torque not explained, and friction, over speed",
+        [errors, laws],
     )
 
 
 def _running_time(found: Identified) -> Array:
-    """Of all recordings one after the other [s], shape (M,)."""
+    """Return the time of all samples, one recording after the other [s], shape (M,)."""
     eq, begin = found.equations, 0.0
     time = np.array(eq.time)
     for source, recorded in enumerate(found.recordings):

@@ -1,4 +1,4 @@
-"""The figure of a planned motion."""
+"""The figure of a motion plan."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from sdt_drake.show.style import PALETTE, finish, grid, joint_title, style
 
 PLANNED, TIGHTEST, COMMANDED = PALETTE[0], PALETTE[1], PALETTE[4]
 
-_FAR = 3  # speeds; a limit farther off would squeeze them into a line
+_MAX_LIMIT = 3  # times the largest speed; a larger limit is a number above the panel
 
 
 def plan(title: str, robot: Robot, planned: Plan, margins: Margins) -> Figure:
-    """A figure of a planned motion, a row for each joint: its torque and its speed against their
-    limits, joint side.
+    """Draw torque and speed of a plan against their limits, joint side, a row for each joint.
 
-    Held back: where the planner did not let a joint accelerate, or a path go on, as commanded.
+    "Held back" marks where the planner accelerated a joint, or followed a path, more slowly than
+    commanded.
 
     Args:
-        title: of the figure.
-        robot: has the limits.
-        planned: the motion, and what was commanded.
-        margins: of the motion.
+        title: title of the figure.
+        robot: the robot with the limits.
+        planned: the planned and the commanded motion.
+        margins: torques and limits along the planned motion.
     """
     with style():
         figure, axes = grid(robot.n, 2, panel=(4.6, 1.25), gaps=(0.8, 0.5))
@@ -44,7 +44,7 @@ def plan(title: str, robot: Robot, planned: Plan, margins: Margins) -> Figure:
             torque.set_title(joint_title(k, robot.joint_names[k]), loc="left", weight="bold")
         for ax in axes[-1]:
             ax.set_xlabel("time [s]")
-        return finish(figure, title)
+        return finish(figure, f"{title}, joint side")
 
 
 def _torque(ax: Axes, robot: Robot, planned: Plan, margins: Margins, k: int) -> None:
@@ -52,7 +52,7 @@ def _torque(ax: Axes, robot: Robot, planned: Plan, margins: Margins, k: int) -> 
     _limits(ax, time, limit, "0.75", "limit")
     for left in (margins.lowest[:, k], margins.highest[:, k]):
         if np.any(np.abs(left) < limit):
-            ax.plot(time, left, ":", color="black", label="left at this speed")
+            ax.plot(time, left, ":", color="black", label="limit at this speed")
     if planned.torque_margin < 1:
         _limits(ax, time, planned.torque_margin * limit, "0.45", "limit with margin")
     ax.plot(time, margins.torque[:, k], color=PLANNED, label="planned")
@@ -64,7 +64,7 @@ def _speed(ax: Axes, robot: Robot, planned: Plan, k: int) -> None:
     ax.plot(commanded.time, commanded.v[:, k], color=COMMANDED, lw=2.4, label="commanded")
     ax.plot(motion.time, motion.v[:, k], color=PLANNED, label="planned")
     fastest = max(np.abs(motion.v[:, k]).max(), np.abs(commanded.v[:, k]).max())
-    if limit < _FAR * fastest:
+    if limit < _MAX_LIMIT * fastest:
         _limits(ax, motion.time, limit, "0.75", "limit")
     elif np.isfinite(limit):
         ax.set_title(f"limit ±{limit:.3g} rad/s", loc="left")
@@ -77,7 +77,7 @@ def _limits(ax: Axes, time: Array, limit: float, colour: str, label: str) -> Non
 
 
 def _mark_tightest(torque: Axes, speed: Axes, margins: Margins, planned: Plan, k: int) -> None:
-    """A ring where the joint is nearest to a limit, and in words which."""
+    """Mark where the joint is closest to a limit by a ring, and name the limit."""
     place = margins.tightest(k)
     i = int(np.argmin(np.abs(margins.time - place.time)))
     ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 1.6, "markersize": 9}

@@ -1,4 +1,4 @@
-"""The figure of what the pilot feels."""
+"""Figures of the pilot's head: specific force, rotation, and felt attitude."""
 
 from __future__ import annotations
 
@@ -25,27 +25,26 @@ _CHANNEL_COLOURS = (*PALETTE[3:6], "#882255", "#999933", "#332288")
 
 _COLOURS = _CHANNEL_COLOURS[3:]
 
-_SPAN = 500  # of the logarithmic scale of the error at most [-]
-_SOMETHING = 0.05  # of the largest change of its kind; less is nothing to look at
+_MAX_SPAN = 500  # largest over smallest value of the logarithmic axis of the error
+_MIN_CHANGE = 0.05  # share of the largest change of a kind; panels with less are left out
 _FORCES = ("force along x, forward", "force along y, left", "force along z, up")
 _ROTATIONS = ("rotation about x, roll right", "rotation about y, nose down",
               "rotation about z, turn left")  # fmt: skip
 _PANEL, _LEFT = (9.05, 1.2), 1.1  # inch
-_LINE = 110  # letters of the title
-_BAND, _LETTER = 0.2, 0.052  # height of a track's names, width of a letter in them [inch]
+_TITLE_LINE = 110  # letters
+_BAND, _LETTER = 0.2, 0.052  # height of a track's names, width of their letters [inch]
 
 
 def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = None) -> Figure:
-    """A figure of what changes of specific force and rotation of the head, and of the error that
-    could be felt.
+    """Draw specific force, rotation and attitude of the pilot's head, and the error that is felt.
 
-    A panel for each axis of the head along or about which something changes, one below the other.
+    Panels of axes with hardly any change are left out; the title names them.
 
     Args:
-        title: of the figure, unless the story has one.
-        time: [s], shape (N,).
-        head: along the same N samples.
-        story: what the motion is for, and its segments, which are named above.
+        title: title of the figure, unless the story has one.
+        time: samples [s], shape (N,).
+        head: motion of the pilot's head at these samples.
+        story: purpose and segments of the motion; the segments are named above the panels.
     """
     story = story or Story()
     shown: list[Panel] = []
@@ -53,16 +52,16 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
     for kind in zip(*(head_panels(time, head, axis) for axis in range(3)), strict=True):
         change = [max(np.ptp(line.values) for line in panel.lines[:2]) for panel in kind]
         for panel, own in zip(kind, change, strict=True):
-            if own >= _SOMETHING * max(change):
+            if own >= _MIN_CHANGE * max(change):
                 shown.append(panel)
             else:
                 still.append(panel.title)
     shown.append(_attitude(time, head.achieved))
     lines = [story.title or title]
     if story.feels:
-        lines += textwrap.wrap(f"To be felt: {story.feels}", _LINE)
+        lines += textwrap.wrap(f"To be felt: {story.feels}", _TITLE_LINE)
     if still:
-        lines += textwrap.wrap(f"Hardly anything changes: {'; '.join(still)}.", _LINE)
+        lines += textwrap.wrap(f"Hardly any change: {'; '.join(still)}.", _TITLE_LINE)
     tracks = list(dict.fromkeys(segment.track for segment in story.segments))
     above = 0.45 + 0.17 * len(lines)
     with style():
@@ -81,7 +80,7 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
 
 
 def percept(title: str, felt: Percept) -> Figure:
-    """A figure of felt attitude, and of felt beside true rotation and specific force."""
+    """Draw felt attitude, felt and true rotation, and felt acceleration."""
     attitude = [
         Line("felt roll, + right", Look(PALETTE[3]), np.degrees(felt.roll)),
         Line("felt pitch, + nose up", Look(PALETTE[4]), np.degrees(felt.pitch)),
@@ -102,9 +101,14 @@ def percept(title: str, felt: Percept) -> Figure:
 
 
 def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Panel]:
-    """Specific force along an axis of the head (0, 1, 2: x, y, z), and rotation about it.
+    """Make the panels of specific force along an axis of the head, and of rotation about it.
 
-    Each begins with the lines of the reference and of what was achieved.
+    The first two lines of each are reference and achieved.
+
+    Args:
+        time: samples [s], shape (N,).
+        head: motion of the pilot's head at these samples.
+        axis: 0, 1 or 2 for x, y or z.
     """
 
     def both(quantity: Callable[[HeadMotion], Array]) -> list[Line]:
@@ -115,8 +119,8 @@ def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Pane
 
     force = both(lambda motion: motion.specific_force / GRAVITY)
     rate = both(lambda motion: np.degrees(motion.angular_velocity))
-    told = canals(head.achieved.angular_velocity[:, axis], float(time[1] - time[0]))
-    rate.append(Line("what the canals tell (achieved)", Look(PALETTE[2]), np.degrees(told)))
+    sensed = canals(head.achieved.angular_velocity[:, axis], float(time[1] - time[0]))
+    rate.append(Line("sensed by the canals (achieved)", Look(PALETTE[2]), np.degrees(sensed)))
     return (
         Panel(_FORCES[axis], "time [s]", "force [G]", time, force),
         Panel(_ROTATIONS[axis], "time [s]", "rate [deg/s]", time, rate),
@@ -124,7 +128,7 @@ def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Pane
 
 
 def _attitude(time: Array, head: HeadMotion) -> Panel:
-    """True and felt roll and pitch from the vertical, by the first gain set of `perceive`."""
+    """Make the panel of true and felt roll and pitch, by the first parameter set of `perceive`."""
     felt = perceive(time, head.specific_force, head.angular_velocity)
     true = true_attitude(head)
     lines = []
@@ -137,15 +141,15 @@ def _attitude(time: Array, head: HeadMotion) -> Panel:
 
 
 def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
-    """The rotation and the force that are nearest to being felt, on a logarithmic axis."""
+    """Draw the rotation and the force with the largest error, on a logarithmic axis."""
     felt, angles = head.felt.multiples, head.felt_from_angles.multiples.max(axis=1)
     largest = float(felt.max())
     top = max(2.0, 1.5 * largest)
-    foot = min(0.1, max(largest / 20, top / _SPAN))
+    foot = min(0.1, max(largest / 20, top / _MAX_SPAN))
     ax.axhspan(foot, 1, color="0.93", linewidth=0)
-    ax.axhline(1, color="0.2", linewidth=0.9, label="just felt")
+    ax.axhline(1, color="0.2", linewidth=0.9, label="threshold: just felt")
     if angles.max() > foot:
-        ax.plot(time, angles, ":", color="0.55", label="error by joint angles alone, largest")
+        ax.plot(time, angles, ":", color="0.55", label="error if only positions were wrong")
     for channel, most in (head.felt.worst_rotation, head.felt.worst_force):
         if most >= foot:
             k = CHANNELS.index(channel)
@@ -154,16 +158,16 @@ def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
     ax.set_yscale("log")
     ax.set_ylim(foot, top)
     plain_numbers(ax.yaxis)
-    ax.set_title("error over what is just felt", loc="left", fontweight="bold")
+    ax.set_title("error over the threshold", loc="left", fontweight="bold")
     ax.set_ylabel("multiple [-]")
     ax.set_title(_felt_in_words(head), loc="right")
 
 
 def _felt_in_words(head: HeadTracking) -> str:
     if head.felt.share == 0:
-        return f"never felt: at most {head.felt.largest.max():.2g} of what is just felt"
+        return f"never felt: at most {head.felt.largest.max():.2g} times the threshold"
     felt, angles = (100 * own.share for own in (head.felt, head.felt_from_angles))
-    return f"could be felt {felt:.1f} % of the time, by the joint angles alone {angles:.1f} %"
+    return f"can be felt {felt:.1f} % of the time, if only positions were wrong {angles:.1f} %"
 
 
 def _name_segments(
@@ -173,7 +177,10 @@ def _name_segments(
     tracks: Sequence[str],
     above: float,
 ) -> None:
-    """A band for each track above the panels, and a line in them where a segment begins or ends."""
+    """Add a band of names for each track above the panels, and lines where segments begin or end.
+
+    A name is within its segment, else behind it, else over both.
+    """
     inch, box = 1 / figure.get_figheight(), axes[0].get_position()
     height = _BAND * len(tracks) * inch
     band = figure.add_axes((box.x0, 1 - above * inch - height, box.width, height), sharex=axes[0])
@@ -185,7 +192,6 @@ def _name_segments(
             length = segment.end - segment.start
             band.broken_barh([(segment.start, length)], (row, 0.9), color="0.88", edgecolor="0.6")
             name = segment.text.partition(",")[0]
-            # Within the segment, else behind it, else over both.
             places = [(segment.start, segment.end), (segment.end, end), (segment.start, end)]
             rooms = [(a, int((b - a) / (high - low) * _PANEL[0] / _LETTER) - 1) for a, b in places]
             at, fitting = max(rooms, key=lambda room: min(room[1], len(name)))

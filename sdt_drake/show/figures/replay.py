@@ -1,4 +1,4 @@
-"""Figure of a recording beside its simulation."""
+"""The figure of a recording and its simulation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 
 
 def replay_figure(replay: Replay) -> Figure:
-    """Recorded and simulated errors and torques, a row for each joint."""
+    """Draw recorded and simulated errors and torques, a row for each joint."""
     time, names = replay.design.motion.time, replay.design.robot.joint_names
     columns: list[list[Panel]] = []
     for name, measured in replay.measured.items():
@@ -26,5 +26,5 @@ def replay_figure(replay: Replay) -> Figure:
 
 
 def replay_title(replay: Replay) -> str:
-    """The title of a report: what is replayed in what."""
+    """Return the title of a report: the recording and the scenario."""
     return f"{replay.recorded.path.name} in {replay.design.scenario.name}"

@@ -43,15 +43,15 @@ from sdt_drake.show.style import (
     style,
 )
 
-_MANY = 4  # joints; there is no room for the numbers of more above a panel
-_STEADY = 0.005  # share of an inertia; a change that is smaller is not worth the whole panel
+_MAX_LISTED = 4  # joints; above a panel is no room for more numbers
+_MIN_ROOM = 0.005  # share of an inertia, so that round-off does not fill a panel
 
 
 # --- over time -------------------------------------------------------------------------------
 
 
 def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figure:
-    """A motion: a row for each joint, with position, speed and acceleration."""
+    """Draw position, speed and acceleration of a motion, a row for each joint."""
     columns = (
         ("position [deg]", np.degrees(motion.q), joint_names),
         ("speed [rad/s]", motion.v, ()),
@@ -63,7 +63,7 @@ def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figu
 
 
 def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
-    """Step responses of the speed loop by structure, with their metrics (Figure 4)."""
+    """Draw step responses of the speed loop by structure, with their metrics (Figure 4)."""
     looks = {
         "pi": (PALETTE[1], "PI on the error"),
         "p_in_feedback": (PALETTE[0], "P in the feedback path"),
@@ -80,7 +80,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
                 f"settling {m.settling_time:.4f} s, overshoot {m.overshoot_percent:.2f} %"
             )
             ax.plot(step.time, step.speed, color=colour, label=label)
-        # Until all have settled, and some more; all there is if one does not settle.
+        # Twice the settling time, or everything if a response does not settle.
         settled = max(step.metrics.settling_time for step in steps.values())
         end = np.nanmin([2 * settled, *(step.time[-1] for step in steps.values())])
         ax.set(xlim=(0, end), ylim=(0, None), xlabel="time [s]", ylabel="motor speed [rad/s]")
@@ -91,7 +91,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
 
 
 def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> Figure:
-    """Joint speeds of runs by controller and their reference, a panel for each joint (Figure 7)."""
+    """Draw joint speeds of runs and their reference, a panel for each joint (Figure 7)."""
     first = next(iter(runs.values()))
     lines = [("reference", LOOKS["reference"], first.v_ref)]
     lines += [(label, look, runs[label].v) for label, look in _looks(runs)]
@@ -101,13 +101,13 @@ def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]
 def speed_errors(
     title: str, runs: Mapping[str, Recording], joint_names: Sequence[str], motion: Motion
 ) -> Figure:
-    """Errors of the joint speeds of runs by controller, a panel for each joint (Figure 8).
+    """Draw speed errors of runs, a panel for each joint (Figure 8).
 
     Args:
-        title: of the figure.
-        runs: recordings of `motion` by label of their controller.
+        title: title of the figure.
+        runs: recordings of `motion` by the label of their controller.
         joint_names: n names.
-        motion: shaded where a joint counts as having constant speed.
+        motion: the planned motion; intervals of constant speed have a grey ground.
     """
     lines = [(label, look, runs[label].speed_error) for label, look in _looks(runs)]
     largest = [[f"{label} {x:.3g}" for x in np.abs(v).max(axis=0)] for label, _, v in lines]
@@ -120,7 +120,7 @@ def speed_errors(
 
 
 def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Figure:
-    """Motor torques against load torques and the widened limits, motor side (Figure 3)."""
+    """Draw motor torques, load torques and the widened limits, motor side (Figure 3)."""
     limit = np.broadcast_to(robot.motor_torque_limit, recording.tau.shape)
     upper = limit + np.maximum(loads.alleviating_torque, 0)
     lower = -limit + np.minimum(loads.alleviating_torque, 0)
@@ -140,14 +140,14 @@ def effective_inertia(
     joint_names: Sequence[str],
     published_maximum: Sequence[float] | None = None,
 ) -> Figure:
-    """Effective inertia along a motion, motor side [kg m²], with its largest, median and smallest.
+    """Draw the effective inertia along a motion, with its largest, median and smallest value.
 
     Args:
-        title: of the figure.
-        time: [s], shape (N,).
-        i_eff: motor side [kg m²], shape (N, n).
+        title: title of the figure.
+        time: samples [s], shape (N,).
+        i_eff: effective inertia, motor side [kg m²], shape (N, n).
         joint_names: n names.
-        published_maximum: of Table 1, motor side [kg m²], drawn as well.
+        published_maximum: largest values of Table 1, motor side [kg m²], shape (n,).
     """
     span = InertiaRange.of(i_eff)
     levels = [
@@ -164,13 +164,13 @@ def effective_inertia(
     figure = picture(title, [over_time("inertia [kg m²]", time, lines, joint_names, notes=notes)])
     highest = np.max([values for _, _, values in levels], axis=0)
     for ax, low, high in zip(figure.axes, span.minimum, highest, strict=True):
-        room = max(0.1 * (high - low), _STEADY * high)  # round-off does not look like a change
+        room = max(0.1 * (high - low), _MIN_ROOM * high)
         ax.set_ylim(low - room, high + room)
     return figure
 
 
 def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) -> Figure:
-    """The speed error and its parts, a panel for each joint."""
+    """Draw the speed error and its parts, a panel for each joint."""
     parts = {name: values for name, values in budget.parts.items() if values.any()}
     if np.abs(budget.remainder).max() > 1e-6:
         parts["remainder"] = budget.remainder
@@ -192,15 +192,14 @@ def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
 
 
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
-    """Controllers side by side: errors as dots on a logarithmic scale, torques as bars, and what
-    could be felt."""
+    """Draw controllers side by side: errors, torques, and the share of time with a felt error."""
     names = numbered(compared[0].design.robot.joint_names)
     has_heads = all(has_head(c.design.robot) for c in compared)
     looks = looks_of([c.label for c in compared])
     with style():
         bottom = 2.55 if has_heads else 0.85
         figure, _ = grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
-        for ax, metric in zip(figure.axes, COMPARED, strict=False):  # but for the saturation
+        for ax, metric in zip(figure.axes, COMPARED, strict=False):  # without the saturation
             values = METRICS[metric].factor * np.array([c.metrics[metric] for c in compared])
             _side_by_side(ax, values, compared, looks, dots=metric.endswith("_error"))
             ax.set_title(METRICS[metric].label, loc="left")
@@ -213,9 +212,9 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
 def _side_by_side(
     ax: Axes, values: Array, compared: Sequence[Compared], looks: Sequence[Look], *, dots: bool
 ) -> None:
-    """Values of each controller, shape (m, n), around the place of each joint: dots, or bars.
+    """Draw values of m controllers, shape (m, n), around the place of each joint.
 
-    The foot of a logarithmic axis means nothing, so nothing may stand on it.
+    Values on a logarithmic axis are dots, as the foot of a bar would have no meaning there.
     """
     m, n = values.shape
     width, at = 0.8 / m, np.arange(n)
@@ -244,7 +243,7 @@ def _side_by_side(
 
 
 def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -> None:
-    """A panel below the others: share of time in which the pilot could feel the error."""
+    """Add a panel below the others: the share of time in which the pilot can feel the error."""
     left, right = (ax.get_position() for ax in figure.axes[-2:])
     inch = 1 / figure.get_figheight()
     ax = figure.add_axes((left.x0, 0.95 * inch, right.x1 - left.x0, 1.0 * inch))
@@ -262,17 +261,16 @@ def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -
 
 
 def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) -> Figure:
-    """Magnitude and phase of tracking and loop gain over frequency, a line for each joint.
+    """Draw magnitude and phase of tracking and loop gain over frequency, a line for each joint.
 
-    Marked are where the tracking has fallen by 3 dB; where the loop gain last crosses 0 dB, with
-    its distance to -180 deg there: the phase margin, of a loop that crosses once; and the gain
-    margin, where there is one.
+    Markers show the bandwidth, where tracking has fallen by 3 dB, and the last crossing of 0 dB.
+    Vertical lines show phase margins (of a loop that crosses 0 dB once) and gain margins.
     """
     columns = (
         ("speed over its reference", response.tracking, response.bandwidth, -3, 20),
         (f"loop, cut at {response.cut}", response.loop_gain, response.crossover, 0, 60),
     )
-    told = {header: values for header, _, values in response.columns()}
+    columns_by_header = {header: values for header, _, values in response.columns()}
     joints = [joint_title(k, name) for k, name in enumerate(joint_names)]
     with style():
         figure, axes = grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
@@ -296,12 +294,12 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
         _mark_margins(axes[:, 1], response, degrees)
         quantities = ("bandwidth [rad/s]", "gain margin [dB]", "phase margin [deg]")
         for ax, name in zip((*axes[0], axes[1, 1]), quantities, strict=True):
-            ax.set_title(_of_joints(name, told[name]), loc="right")
+            ax.set_title(_of_joints(name, columns_by_header[name]), loc="right")
         return finish(figure, title)
 
 
 def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degrees: Array) -> None:
-    """In magnitude and phase of the loop gain; the latter is `degrees`."""
+    """Mark the margins in the axes of the loop gain, whose phase is `degrees`."""
     magnitude, phase = axes
     for k, crossover in enumerate(response.crossover):
         look, margin = nth_look(k), response.gain_margin[k]
@@ -316,9 +314,9 @@ def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degree
 
 
 def _of_joints(quantity: str, values: Array) -> str:
-    """A number for each joint, of many the least and the largest; a dash where there is none."""
+    """Return a quantity with its number for each joint; of many joints, the range."""
     name, unit = quantity.rstrip("]").split(" [")
-    if len(values) > _MANY:
+    if len(values) > _MAX_LISTED:
         ends = (formatted(end.reduce(values), ".0f") for end in (np.fmin, np.fmax))
         shown = " to ".join(dict.fromkeys(ends))
     else:
@@ -329,9 +327,12 @@ def _of_joints(quantity: str, values: Array) -> str:
 def stability(
     title: str, sweeps: Mapping[str, Mapping[str, StabilitySweep]], joint_names: Sequence[str]
 ) -> Figure:
-    """Least damping and overshoot over omega_n / omega_r.
+    """Draw the smallest damping ratio and the overshoot over omega_n / omega_r.
 
-    `sweeps` by place of the encoder, a column each, and by loop, a line style each.
+    Args:
+        title: title of the figure.
+        sweeps: sweeps by place of the encoder (a column each) and by drive (a line style each).
+        joint_names: n names.
     """
     with style():
         figure, axes = grid(2, len(sweeps), panel=(3.95, 2.4), gaps=(1.15, 0.35))

@@ -1,4 +1,4 @@
-"""The scope: what each joint of a run was asked for, did, and took of its motor, over time."""
+"""The scope of a run: reference, achieved motion, errors and motor torque of each joint."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ _ERROR, _TORQUE = Look(PALETTE[2]), Look(PALETTE[6])
 def scope(
     title: str, recording: Recording, design: Design | None = None, joint: int | None = None
 ) -> Figure:
-    """Speed, speed error, position error and torque over time, a column for each joint.
+    """Draw speed, speed error, position error and torque over time, a column for each joint.
 
     Args:
-        title: of the figure.
-        recording: of a run.
-        design: of the same run; without it joints have no names, and torques no limits.
-        joint: 1..n, to show that one alone.
+        title: title of the figure.
+        recording: the recording of a run.
+        design: the design of this run; without it the figure has no names and torque limits.
+        joint: draw only this joint, 1..n.
 
     Raises:
-        InputError: if there is no such joint, or the design has other joints than the recording.
+        InputError: if `joint` does not exist, or design and recording have different joints.
     """
     n = recording.q.shape[1]
     if design is not None and design.robot.n != n:
-        raise InputError(f"design: {design.robot.n} joint(s), expected {n} as in the recording")
+        raise InputError(f"design: {design.robot.n} joint(s), expected {n}, as in the recording")
     joints = chosen_joints(joint, n)
     names = [""] * n if design is None else design.robot.joint_names
     columns = joint_columns(recording, design, names)
@@ -46,11 +46,12 @@ def scope(
 def joint_columns(
     recording: Recording, design: Design | None, joint_names: Sequence[str] = ()
 ) -> list[list[Panel]]:
-    """Speed, speed error, position error and torque over time, a column for each joint.
+    """Make the panels of `scope`, a column for each joint.
 
     Args:
-        recording, design: as in `scope`.
-        joint_names: n names, of the titles; none for columns without.
+        recording: the recording of a run.
+        design: its design, or None.
+        joint_names: n names for the titles; () for columns without titles.
     """
     run, torques = recording, [("motor torque", _TORQUE, recording.tau)]
     if design is not None:
@@ -75,7 +76,7 @@ def joint_columns(
 
 
 def position_panels(recording: Recording) -> list[Panel]:
-    """Reference and achieved angle over time, a panel for each joint."""
+    """Make a panel of reference and achieved angle over time for each joint."""
     lines = [
         ("reference", LOOKS["reference"], np.degrees(recording.q_ref)),
         ("achieved", ACHIEVED, np.degrees(recording.q)),
@@ -83,13 +84,13 @@ def position_panels(recording: Recording) -> list[Panel]:
     return over_time("position [deg]", recording.time, lines)
 
 
-SATURATED = "saturated: the motor gives less than is asked"
+SATURATED = "saturated: less torque than commanded"
 
 
 def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
-    """Least and largest torque of the motors along a run, motor side [N m], each (N + 1, n).
+    """Return the least and the largest torque along a run, motor side [N m], each (N + 1, n).
 
-    With elastic joints the speed of a motor is taken for that of its link times the gear ratio.
+    With elastic joints, the motor speed is approximated by link speed times gear ratio.
     """
     newest = arrived(design, recording.time)
     lower, upper = torque_limits(design, newest, recording.v)
@@ -97,9 +98,14 @@ def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
 
 
 def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
-    """Torque of the motor of joint k, from 0, over its speed, in the envelope of motor and drive.
+    """Make the panel of torque over speed of a motor, motor side, with its torque-speed envelope.
 
-    Motor side. The envelope goes on to the speeds n1 and n0, where there are any.
+    The envelope extends to the corner speeds n1 and n0, if it has any.
+
+    Args:
+        recording: the recording of a run.
+        design: its design.
+        k: joint, counted from 0.
     """
     ratio, n = design.robot.gear_ratio[k], design.robot.n
     corners: list[float] = []

@@ -1,7 +1,7 @@
 """Figures of a study; each function returns a matplotlib Figure.
 
-Groups are the levels of a text input, such as the controller; each has its colour, marker and line
-style, the same in all figures.
+Groups are the levels of a text input, such as the controller. A group has the same colour, marker
+and line style in all figures.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from sdt_drake.studies.table import StudyTable, is_text, levels_of
 WHOLE_DEVICE = "the whole device"
 LOW, HIGH = PALETTE[5], PALETTE[1]
 
-MOST_PANELS, MOST_POINTS = 6, 2000
-"""Of a scatter matrix: inputs and outcomes, and runs."""
-
-_MOST_BARS = 6
-_MARKED = ((50, "o"), (95, "^"), (99, "s"))
-_FEW = 10  # values of an input, which are levels then
-_WIDE = 30  # largest over smallest value, from which on the axis is logarithmic
+MAX_PANELS, MAX_POINTS = 6, 2000
+"""Limits of a scatter matrix: inputs or outcomes, and runs."""
 BOTTOM = 0.95
-"""Of figures [inch]."""
+"""The bottom margin of figures [inch]."""
+
+_MAX_BARS = 6
+_MARKED = ((50, "o"), (95, "^"), (99, "s"))  # percentiles
+_MAX_LEVELS = 10  # inputs with more different values are continuous
+_LOG_RATIO = 30  # largest over smallest value; axes with more are logarithmic
 
 
 def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Figure:
-    """Share of the runs at or below a value: a row for each outcome, a panel for each joint.
+    """Draw the share of runs at or below a value, a row for each outcome, a panel for each joint.
 
     Args:
-        title: of the figure.
-        table: of the study.
-        families: of outcomes.
+        title: title of the figure.
+        table: the table of the study.
+        families: families of outcomes.
     """
     parts = table.groups
     names = [_members(table, family) for family in families]
@@ -84,19 +84,20 @@ def _distribution(ax: Axes, parts: dict[str, StudyTable], name: str) -> None:
 
 
 def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
-    """What moves the mean of an outcome: a row for each group, a panel for each joint.
+    """Draw how inputs change the mean of an outcome, a row for each group, a panel for each joint.
 
-    The inputs of a row are in one order: those that move its joints most are at the top.
+    The inputs with the largest effect on the joints of a row are at the top.
 
     Args:
-        title, table: as in `distributions`; some input varies.
-        family: of the outcome.
+        title: title of the figure.
+        table: the table of a study in which some input varies.
+        family: family of the outcome.
     """
     names = _members(table, family)
     parts = table.groups
     rows = {level: [tornado(part, name) for name in names] for level, part in parts.items()}
     rows = {level: swings for level, swings in rows.items() if any(swings)}
-    bars = min(_MOST_BARS, max(len(swings) for row in rows.values() for swings in row))
+    bars = min(_MAX_BARS, max(len(swings) for row in rows.values() for swings in row))
     left = 0.35 + 0.068 * max(map(len, table.inputs))
     with style():
         figure, axes = grid(
@@ -122,7 +123,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
 
 
 def _ordered(swings: Sequence[Sequence[TornadoSwing]]) -> list[str]:
-    """Names of the inputs; those with the largest sum of relative swings first."""
+    """Return the names of inputs; those with the largest sum of relative swings come first."""
     total: dict[str, float] = {}
     for own in swings:
         widest = max((swing.width for swing in own), default=0) or 1
@@ -141,7 +142,7 @@ def _bars(
             (factor * swing.low, LOW, swing.low_level),
             (factor * swing.high, HIGH, swing.high_level),
         )
-        # The shorter one last: both may be on one side.
+        # The shorter bar is drawn last, as both may be on the same side.
         for value, colour, level in sorted(ends, key=lambda end: -abs(end[0] - mean)):
             ax.barh(at, value - mean, 0.7, left=mean, color=colour)
             side = -1 if value < mean else 1
@@ -165,18 +166,19 @@ def scatter_matrix(
     inputs: Sequence[str],
     outcomes: Sequence[str],
 ) -> Figure:
-    """Outcomes over inputs, a point for each run, the smaller the more there are.
+    """Draw outcomes over inputs, a point for each run.
 
-    Of more than MOST_POINTS runs some are left out, always the same ones of a table.
+    At most MAX_POINTS runs are drawn, always the same ones of a table.
 
     Args:
-        title, table: as in `distributions`.
-        inputs: columns, at most MOST_PANELS.
-        outcomes: rows, at most MOST_PANELS; a family for the worst joint of it.
+        title: title of the figure.
+        table: the table of the study.
+        inputs: columns, at most MAX_PANELS.
+        outcomes: rows, at most MAX_PANELS; a family stands for its worst joint.
     """
-    # In random order, so that no group hides another, nor falls out of step.
+    # The order is random, so that no group hides another or is left out.
     order = np.random.default_rng(0).permutation(len(table))
-    shown = order[table.ok[order]][:MOST_POINTS]
+    shown = order[table.ok[order]][:MAX_POINTS]
     runs = table.select(shown)
     levels = list(table.groups)
     colours = np.array([to_rgba(look.colour) for look in looks_of(levels)])
@@ -197,12 +199,12 @@ def scatter_matrix(
         figure.align_ylabels(axes[:, 0])
         handles = group_handles(levels, lines=False) if table.by else []
         for handle in handles:
-            handle.set_marker("o")  # as all points are
+            handle.set_marker("o")  # the marker of all points
         return finish(figure, title, handles)
 
 
 def _spread(values: Array) -> float:
-    """Third over first quartile: 3 where values are even from 0 on, more where logarithms are."""
+    """Return the third over the first quartile; 3 for values that are uniform from 0."""
     first, third = np.quantile(values, [0.25, 0.75])
     return float(third / first)
 
@@ -211,11 +213,11 @@ def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
     levels = sorted(levels_of(values)) if is_text(values) else []
     x = np.array([levels.index(str(text)) for text in values]) if levels else values
     places = np.unique(x[np.isfinite(x)])
-    if levels or 1 < len(places) <= _FEW:  # beside each other instead of on each other
+    if levels or 1 < len(places) <= _MAX_LEVELS:  # points beside each other, not on each other
         gap = np.diff(places).min(initial=1) if levels else np.diff(places).min()
         x = x + np.random.default_rng(0).uniform(-0.25, 0.25, len(values)) * gap
     size = float(np.clip(200 / np.sqrt(max(len(y), 1)), 4, 30))
-    # Pixels: as drawings, thousands of points would make a page that no one can scroll.
+    # Pixels, as thousands of vector points make a page slow.
     ax.scatter(
         x, y, s=size, c=colours, alpha=0.5 if size < 10 else 0.8, linewidths=0, rasterized=True
     )
@@ -224,7 +226,7 @@ def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
         ax.set_xticks(range(len(levels)), levels, rotation=30, ha="right", fontsize=7)
         ax.set_xlim(-0.5, len(levels) - 0.5)
     else:
-        if len(places) > _FEW and places[0] > 0 and _spread(places) > 5:
+        if len(places) > _MAX_LEVELS and places[0] > 0 and _spread(places) > 5:
             ax.set_xscale("log")
             plain_numbers(ax.xaxis)
         else:
@@ -232,51 +234,50 @@ def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
         ax.tick_params(axis="x", labelsize=8)
 
 
-def influential(table: StudyTable, outcomes: Iterable[str], most: int = MOST_PANELS) -> list[str]:
-    """Names of the inputs that explain most of any of these outcomes, within the groups.
+def influential(table: StudyTable, outcomes: Iterable[str]) -> list[str]:
+    """Return the MAX_PANELS inputs that explain most of any outcome within a group.
 
     Args:
-        table: as in `distributions`.
-        outcomes: or families of them.
-        most: how many.
+        table: the table of the study.
+        outcomes: outcomes or families.
     """
     best: dict[str, float] = {}
     for outcome in outcomes:
         for part in table.groups.values():
             for name, share in sensitivity(part, outcome).items():
                 best[name] = max(best.get(name, 0), np.nan_to_num(share.value))
-    return sorted(best, key=lambda name: -best[name])[:most]
+    return sorted(best, key=lambda name: -best[name])[:MAX_PANELS]
 
 
-# --- what they share -------------------------------------------------------------------------
+# --- parts of all figures --------------------------------------------------------------------
 
 
 def _members(table: StudyTable, family: str) -> list[str]:
-    """The outcomes of a family, one for each joint; itself if it is of the whole device."""
+    """Return the outcomes of a family, one for each joint, or the family itself without joints."""
     return [f"{family}_{k}" for k in table.joints(family)] or [family]
 
 
 def _shown(table: StudyTable, name: str) -> Array:
-    """An outcome of the runs that have it, in the unit of the figures."""
+    """Return an outcome of the runs that have it, in the unit of the figures."""
     return metric_of(name).factor * values_of(table, name)
 
 
 def outcome_label(table: StudyTable, name: str) -> str:
-    """The label of an outcome's axis, which says which joint."""
+    """Return the label of an outcome's axis, with the joint."""
     metric = metric_of(name)
     title = ", ".join(filter(None, [metric.title, table.place(name)]))
     return metric._replace(title=title).label
 
 
 def _broken(label: str) -> str:
-    """In short lines, for a low panel; the unit stays in one piece."""
+    """Break a label into short lines for a low panel, but not its unit."""
     words, bracket, unit = label.partition(" [")
     lines = [line for part in re.split(r"(?<=,) ", words) for line in textwrap.wrap(part, 18)]
     return "\n".join([*lines, f"[{unit}"] if bracket else lines)
 
 
 def _at_dots(name: str) -> str:
-    """The name of an input in lines as wide as a panel at most."""
+    """Break the name of an input at dots into lines as wide as a panel."""
     lines = [""]
     for part in re.split(r"(?<=\.)", name):
         if lines[-1] and len(lines[-1]) + len(part) > 24:
@@ -286,8 +287,8 @@ def _at_dots(name: str) -> str:
 
 
 def scale(ax: Axes, axis: Literal["x", "y"], values: Array) -> None:
-    """A logarithmic axis where the values need one."""
-    if len(values) and values.min() > 0 and values.max() > _WIDE * values.min():
+    """Make an axis logarithmic if its values span more than a factor of 30."""
+    if len(values) and values.min() > 0 and values.max() > _LOG_RATIO * values.min():
         getattr(ax, f"set_{axis}scale")("log")
         ticks = getattr(ax, f"{axis}axis")
         if values.max() < 100 * values.min():  # too few powers of ten
@@ -298,13 +299,13 @@ def scale(ax: Axes, axis: Literal["x", "y"], values: Array) -> None:
 
 
 def _few_ticks(ax: Axes) -> None:
-    """Room for numbers of many digits, and for those of the panels beside it."""
+    """Set few ticks, as long numbers and those of neighbouring panels need room."""
     ax.locator_params(axis="x", nbins=4, prune="both")
     ax.ticklabel_format(axis="x", useOffset=False)
 
 
 def group_handles(groups: Iterable[str], *, lines: bool = True) -> list[Line2D]:
-    """Handles of a legend of groups, as lines or as markers."""
+    """Make the legend's entries of groups, as lines or as markers."""
     labels = list(groups)
     handles = []
     for label, look in zip(labels, looks_of(labels), strict=True):

@@ -1,1 +1,1 @@
-"""Reports: one Markdown file and one page each."""
+"""Reports, each a Markdown file and a page."""

@@ -1,4 +1,4 @@
-"""What a flight leaves in a folder: the motion, its numbers, and a report."""
+"""The files of `fly`: motion, summary and report."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from sdt_drake.show.view3d.viewer import recorded_page
 MOTION, SUMMARY = "motion.csv", "summary.json"
 _PLOTS, _RECORDING = ("force.png", "attitude.png", "rotation.png"), "3d.html"
 FILES = (MOTION, SUMMARY, *pictures("front"), *_PLOTS, _RECORDING, MARKDOWN, REPORT)
-"""Of the folder."""
+"""Names of all files in the folder."""
 
 _DEVICE = Look(PALETTE[5])
-_MOST = 0.1  # of a figure; what torque limits cost less is not theirs
+_MIN_COST = 0.1  # share of an error; a smaller one is not attributed to the torque limits
 
 
 def write_flown(folder: Path, flown: Flown) -> Path:
-    """Write motion, numbers and report into a folder, all or none; the path of the page.
+    """Write motion, summary and report into a folder, all or none, and return the page's path.
 
     Raises:
         InputError: if a file cannot be written.
@@ -57,7 +57,7 @@ def write_flown(folder: Path, flown: Flown) -> Path:
 
 
 def fly_report(flown: Flown, folder: Path) -> Report:
-    """The report of a flight, to be written into a folder."""
+    """Make the report of a flight for a folder."""
     flight, best = flown.chosen.flight, flown.chosen
     panels = _force_panels(best), _attitude_panels(flown), _rotation_panels(best)
     attached: dict[str, Plots | str] = {
@@ -86,7 +86,7 @@ def fly_report(flown: Flown, folder: Path) -> Report:
         motors=bool(flown.unlimited) and _costs(figures[0], figures[3]),
         compared=Table(*flown.summary()[1:3]),
         starts=_starts(flown),
-        most_steps=MAX_STEPS,
+        max_steps=MAX_STEPS,
         limits=_limits(best),
         attached=attached,
         not_shown=not_shown,
@@ -96,15 +96,15 @@ def fly_report(flown: Flown, folder: Path) -> Report:
 
 
 def _costs(own: dict[str, float | None], free: dict[str, float | None]) -> bool:
-    """Whether without limits of torque more than a tenth of either error would go."""
+    """Check if more than a tenth of either error is due to the torque limits."""
     return any(
-        (own[name] or 0) - (free[name] or 0) > _MOST * (own[name] or 0)
+        (own[name] or 0) - (free[name] or 0) > _MIN_COST * (own[name] or 0)
         for name in ("g_error_rms", "felt_rotation_rms_deg_s")
     )
 
 
 def low_pass_at(time: Array, rate: Array) -> Array:
-    """What the canals' low pass leaves of a rate, at any times."""
+    """Filter a rate at any times by the canals' low pass."""
     period = 0.02
     even = np.arange(0.0, time[-1] + period, period)
     columns = np.stack([np.interp(even, time, column) for column in rate.T], axis=1)
@@ -118,7 +118,7 @@ def _starts(flown: Flown) -> Table:
     best = min(row["cost"] for row in rows)
     return Table(
         ["sense of the arm, seat", "G error [G]", "felt rotation error [deg/s]",
-         "cost beyond the best [%]"],
+         "cost above the best [%]"],
         [
             (f"{'+' if row['sense'] > 0 else '−'}, {row['seat_deg']:.0f} deg",
              f"{row['g_error_rms']:.3f}", f"{row['felt_rotation_rms_deg_s']:.1f}",
@@ -129,7 +129,7 @@ def _starts(flown: Flown) -> Table:
 
 
 def _limits(option: Option) -> Table:
-    """Largest share of each limit, by joint."""
+    """Make the table of the largest used share of each limit, by joint."""
     share = margins(option.robot, option.motion).share
     return Table(
         ["joint", *(f"{name} [%]" for name in share)],
@@ -149,7 +149,7 @@ def _beside(label: str, x: Array, flown: Array, device: Array, title: str = "") 
 
 
 def _force_panels(option: Option) -> list[Panel]:
-    """Resultant G, and specific force along each axis of the head, over time."""
+    """Make the panels of resultant G and of specific force along each axis of the head."""
     flown, own = option.flight.at(option.time)[0] / GRAVITY, option.head.specific_force / GRAVITY
     panels = [
         _beside(
@@ -166,7 +166,7 @@ def _force_panels(option: Option) -> list[Panel]:
 
 
 def _attitude_panels(flown: Flown) -> list[Panel]:
-    """Felt roll and pitch in flight and on the device, and the aircraft's attitude."""
+    """Make the panels of felt roll and pitch, with the aircraft's attitude."""
     panels = []
     time, felt, own = flown.chosen.time, flown.felt, flown.chosen.percept
     attitude = flown.chosen.flight.attitude
@@ -187,7 +187,7 @@ def _attitude_panels(flown: Flown) -> list[Panel]:
 
 
 def _rotation_panels(option: Option) -> list[Panel]:
-    """Rate of the head in flight and on the device, and the error that is felt, by axis."""
+    """Make the panels of the head's rate and its felt error, by axis."""
     flown, own = option.flight.at(option.time)[1], option.head.angular_velocity
     panels = []
     for k, name in enumerate(CHANNELS[:3]):
@@ -199,7 +199,7 @@ def _rotation_panels(option: Option) -> list[Panel]:
 
 
 def front_figure(flown: Flown) -> Figure:
-    """Felt rotation error over G error, by weight, with the chosen motion and the baselines."""
+    """Draw felt rotation error over G error, by weight, with the chosen motion and baselines."""
 
     def place(option: Option) -> tuple[float, float]:
         figures = option.figures(None)

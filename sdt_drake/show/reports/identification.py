@@ -1,4 +1,4 @@
-"""An identified robot in tables, figures and a report."""
+"""Tables, files and report of an identified robot."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from sdt_drake.show import documents as doc
 from sdt_drake.show.figures.identification import residuals_figure, torques_figure
 from sdt_drake.show.style import pictures, save_both
 
-_MOST = 0.5  # of a variance
-_NOTHING = 1e-12  # of kg, kg m and kg m²: round-off
-_MOST_SAMPLES = 300  # of which the load torque is computed
+_UNDECIDED = 0.5  # share of a variance that is due to the choice of the friction law
+_ROUND_OFF = 1e-12  # kg, kg m or kg m²
+_MAX_SAMPLES = 300  # samples for which the load torque is computed
 
 
 def unmeasured_share(found: Identified, robot: Robot) -> Array:
-    """A of the paper: the error of the load torque, as an amplitude, that is left, shape (n,)."""
+    """Return the amplitude A of the fed-forward load's relative error, shape (n,) (paper)."""
     eq = found.equations
     rows = np.flatnonzero(~eq.fit)
-    few = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SAMPLES)).astype(int)]
+    few = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MAX_SAMPLES)).astype(int)]
     groups = torque_groups(robot, eq.q[few], eq.v[few], eq.vd[few])
     load = decouple(groups.inertial, groups.coupled, robot.gear_ratio).load_torque
     left = (eq.tau - found.predicted)[rows]
@@ -47,7 +47,7 @@ def unmeasured_share(found: Identified, robot: Robot) -> Array:
 
 
 def errors_table(found: Identified, robot: Robot) -> doc.Table:
-    """What is left of the torques of each joint."""
+    """Make the table of the torque not explained, by joint."""
     nominal, least = found.equations.nominal, found.estimate.torque(found.equations)
     left = {
         "file as it is, held out": found.left(nominal, held_out=True),
@@ -55,7 +55,7 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
         "least squares, held out": found.left(least, held_out=True),
         "consistent, fitted": found.left(found.predicted, held_out=False),
         "consistent, held out": found.left(found.predicted, held_out=True),
-        "error of the fed-forward load (A), held out": unmeasured_share(found, robot),
+        "error of the fed-forward load [% of its amplitude]": unmeasured_share(found, robot),
     }
     rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
     header = ("torque not explained [%]", *numbered(robot.joint_names))
@@ -63,12 +63,12 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
 
 
 def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
-    """Laws, and what a scenario has of them."""
+    """Make the table of the friction laws and of their parameters in a scenario."""
     friction, names = files.friction, found.nominal.joint_names
     coulomb, viscous, offset = friction.coulomb or [], friction.viscous or [], friction.offset or []
     rows = []
     for k, name in enumerate(names):
-        if not found.equations.moves[:, k].any():  # nothing is known of it, not that it is 0
+        if not found.equations.moves[:, k].any():  # unknown, not 0
             rows.append((f"{k + 1} {name}", *"––––––"))
             continue
         std = files.std[:, k].tolist()
@@ -91,15 +91,15 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
 
 
 def friction_notes(found: Identified, files: PlantFriction) -> list[str]:
-    """Sentences on what the numbers of friction mean, and on joints whose law is not decided."""
+    """Return sentences on the accuracy of friction, and on joints whose law is undecided."""
     days = len(found.estimate.days)
-    said = [
-        "friction is that of one recording: on another day, colder or warmer, it may differ by "
-        "more than its ±; of two or more recordings, their spread counts"
+    notes = [
+        "friction comes from one recording; on another day, colder or warmer, it may differ by "
+        "more than its ±. With two or more recordings, ± includes their spread"
         if days < 2
         else f"between the {days} recordings Coulomb friction differs by "
         f"{_range(100 * files.between[0])} %, viscous friction by {_range(100 * files.between[1])} "
-        "% (a standard deviation): that is in its ±"
+        "% (standard deviation), which ± includes"
     ]
     falling = [
         str(k + 1)
@@ -107,49 +107,42 @@ def friction_notes(found: Identified, files: PlantFriction) -> list[str]:
         if (files.friction.viscous or [])[k] == 0
     ]
     if falling:
-        said.append(
-            f"joint {', '.join(falling)}: the friction of the fit falls with the speed, as its law "
-            "may within noise; viscous friction of the table and the scenario never drives, so it "
-            "is 0"
+        notes.append(
+            f"joint {', '.join(falling)}: the friction of the fit decreases with speed, within "
+            "noise. Viscous friction in the table and the scenario is 0, as it must never drive"
         )
-    for k in np.flatnonzero(files.undecided > _MOST).tolist():
+    for k in np.flatnonzero(files.undecided > _UNDECIDED).tolist():
         names = dict.fromkeys(law.name for law, _ in found.estimate.rivals[k])
-        said.append(
-            f"joint {k + 1}: the data do not decide its law of friction; others leave as little "
-            f"({', '.join(names)}), and its ± is more of how far they are apart than of noise"
+        notes.append(
+            f"joint {k + 1}: the data do not decide its friction law; others explain as much "
+            f"({', '.join(names)}). Its ± comes mostly from the difference of these laws"
         )
-    return said
+    return notes
 
 
 class Parameter(NamedTuple):
-    """What was found of a parameter: a row of parameters.csv.
-
-    Attributes:
-        kind: "base", of sums that torques tell; "link", of links and motors; or "friction".
-        name: of the parameter.
-        unit: of the numbers.
-        value: that was found.
-        std: its standard deviation.
-        nominal: what the file has.
-        identifiable: whether torques tell it alone, in combination, or not at all.
-        words: what it means.
-    """
+    """An identified parameter: a row of parameters.csv."""
 
     kind: str
+    """One of "base" (a sum that torques determine), "link" (link or motor) and "friction"."""
     name: str
     unit: str
     value: float
     std: float | None
+    """The standard deviation."""
     nominal: float | None
+    """The value in the robot's file."""
     identifiable: str
+    """One of "alone", "in combination" and "not at all"."""
     words: str
+    """The meaning of the parameter or of `identifiable`."""
 
 
 _UNITS = {"mass": "kg", "hx": "kg m", "hy": "kg m", "hz": "kg m"}  # others are inertias
 
 
 def parameters(found: Identified, robot: Robot) -> list[Parameter]:
-    """Everything that was found."""
+    """Return all identified parameters."""
     base, estimate = found.unknown.base, found.estimate
     nominal, identified = (
         rigid_parameters(one)[found.unknown.columns] for one in (found.nominal, robot)
@@ -178,14 +171,14 @@ def parameters(found: Identified, robot: Robot) -> list[Parameter]:
 
 
 _IN_WORDS = {
-    "alone": "torques tell it",
-    "in combination": "torques tell sums with others only: this is the nearest to the file",
-    "not at all": "no torque depends on it: as in the file, or where the others need it",
+    "alone": "torques determine it",
+    "in combination": "torques determine only sums with others; this value is closest to the file",
+    "not at all": "no torque depends on it; it is as in the file, or as the others require",
 }
 
 
 def links_table(found: Identified) -> doc.Table:
-    """Mass and centre of mass of each link that was free, before and after."""
+    """Make the table of mass and centre of mass of each free link, before and after."""
     rows = []
     for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
         (mass, centre, _), (new_mass, new_centre, _) = map(link.inertial, (link.pseudo, pseudo))
@@ -200,60 +193,58 @@ def links_table(found: Identified) -> doc.Table:
 
 
 def _mass_known(found: Identified, link: Link) -> str:
-    """What torques say of the mass of a link."""
+    """Return if the mass of a link is measured, in words."""
     at = np.flatnonzero(found.unknown.columns == 10 * link.body)[0]
     shared = sum(other.body == link.body for other in found.consistent.links) > 1
-    said = found.unknown.base.identifiable[at]
-    if said == "alone" and not shared:
+    identifiable = found.unknown.base.identifiable[at]
+    if identifiable == "alone" and not shared:
         return "measured"
-    return "not seen, as in the file" if said == "not at all" else "measured in sums only"
+    if identifiable == "not at all":
+        return "not measurable, as in the file"
+    return "measured in sums only"
 
 
 def result(found: Identified) -> list[str]:
-    """How well the torque is explained now, and what to do next: sentences for the console and the
-    page."""
+    """Return the answer and the next step as sentences, for the console and the page."""
     nominal, now = (
         100 * found.left(tau, held_out=True) for tau in (found.equations.nominal, found.predicted)
     )
-    said = (
+    answer = (
         f"{found.nominal.name}: {_range(now)} % of the joints' torques are not explained now (RMS, "
-        f"held out), with the file as it is {_range(nominal)} %"
+        f"held-out data); with the file as it is, {_range(nominal)} %"
     )
     if found.warnings:
         count = len(found.warnings)
-        told = "the warning" if count == 1 else f"the {count} warnings"
-        return [said, f"next: {told} below"]
+        warnings = "the warning" if count == 1 else f"the {count} warnings"
+        return [answer, f"next: read {warnings} below"]
     return [
-        said,
-        "next: sdt-drake simulate with the written scenario.yaml, and sdt-drake identify --judge "
-        "with the written robot.sdf, friction.yaml and a recording of another motion",
+        answer,
+        "next: run sdt-drake simulate with the written scenario.yaml, and sdt-drake identify "
+        "--judge with the written robot.sdf, friction.yaml and a recording of another motion",
     ]
 
 
 def judged_in_words(judged: Judged) -> list[str]:
-    """What a robot leaves of recordings that it was not fitted to, and what to do next."""
-    said = (
-        f"{judged.robot.name}: {_range(100 * judged.left)} % of the joints' torques are not "
-        f"explained (RMS, below {judged.cutoff:.3g} Hz), without its friction "
-        f"{_range(100 * judged.left_without)} %"
-    )
-    most = np.nanargmax(judged.left)
+    """Return how well a robot explains recordings it was not fitted to, and the next step."""
+    worst = np.nanargmax(judged.left)
     return [
-        said,
-        f"next: joint {most + 1} has the most left; sdt-drake identify with this recording, too, "
-        "tells whether another robot explains both",
+        f"{judged.robot.name}: {_range(100 * judged.left)} % of the joints' torques are not "
+        f"explained (RMS, below {judged.cutoff:.3g} Hz); without its friction, "
+        f"{_range(100 * judged.left_without)} %",
+        f"next: joint {worst + 1} is explained worst; run sdt-drake identify with all recordings, "
+        "this one included, to see if one robot explains them all",
     ]
 
 
 def judged_table(judged: Judged) -> doc.Table:
-    """What is left of the torques of each joint, with friction and without."""
+    """Make the table of the torque not explained by joint, with and without friction."""
     left = {"robot and friction": judged.left, "robot without friction": judged.left_without}
     rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
     return doc.Table(("torque not explained [%]", *numbered(judged.robot.joint_names)), rows)
 
 
 def _range(values: Array) -> str:
-    """The least and the largest of percentages, without NaN."""
+    """Return the range of percentages, without NaN."""
     least, most = (_percent(f(values)) for f in (np.nanmin, np.nanmax))
     return least if least == most else f"{least} to {most}"
 
@@ -263,21 +254,21 @@ def _percent(value: float) -> str:
 
 
 def in_short(found: Identified) -> list[str]:
-    """What was compared, in sentences, for the console and the page."""
+    """Return sentences on the compared data and parameters, for the console and the page."""
     eq = found.equations
     names = ", ".join(recorded.path.name for recorded in found.recordings)
     r = len(found.estimate.beta)
-    said = [
+    notes = [
         f"{names}: torques compared below {found.cutoff:.3g} Hz, {int(eq.fit.sum())} samples "
         f"fitted and {int((~eq.fit).sum())} held out"
     ]
     if r:
-        said.append(
+        notes.append(
             f"{r} base parameters of links and motors, condition number "
             f"{found.estimate.condition:.3g}"
         )
-        said.append(PARAMETERS_IN_WORDS)
-    return said + list(found.notes)
+        notes.append(PARAMETERS_IN_WORDS)
+    return notes + list(found.notes)
 
 
 # --- files -----------------------------------------------------------------------------------
@@ -294,14 +285,14 @@ def write_identified(
     """Write the files and the report of an identification into a folder, all or none.
 
     Args:
-        found: what was identified.
-        robot: the identified one.
-        friction: of it.
-        folder: to write to.
-        scenario: see `identified_files.base_scenario`.
+        found: the result of the identification.
+        robot: the identified robot.
+        friction: its friction.
+        folder: the folder.
+        scenario: the scenario of `identified_files.base_scenario`.
 
     Returns:
-        The path of the report, and what was done to the recorded motion, in sentences.
+        The path of the page, and sentences on changes to the recorded motion.
 
     Raises:
         InputError: if a file cannot be written.
@@ -320,7 +311,15 @@ def write_identification_report(
     folder: Path,
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write figures and report into a folder; the path of the page; notes: of files beside it."""
+    """Write figures and report into a folder, and return the path of the page.
+
+    Args:
+        found: the result of the identification.
+        robot: the identified robot.
+        files: its friction.
+        folder: the folder.
+        notes: further sentences, on other files of the folder.
+    """
     save_both(torques_figure(found), folder / "torques")
     save_both(residuals_figure(found, files), folder / "residuals")
     base, links = _details(parameters(found, robot))
@@ -341,10 +340,10 @@ def write_identification_report(
 
 
 def _details(found: Sequence[Parameter]) -> tuple[doc.Table, doc.Table]:
-    """Base parameters, and those of links and motors."""
+    """Make the tables of base parameters, and of links and motors."""
 
     def numbers(*values: float | None) -> list[str]:
-        return ["–" if x is None else f"{x:.5g}" if abs(x) > _NOTHING else "0" for x in values]
+        return ["–" if x is None else f"{x:.5g}" if abs(x) > _ROUND_OFF else "0" for x in values]
 
     base = [
         [p.words, rounded(p.value, p.std or 0), rounded(p.std or 0, p.std or 0),

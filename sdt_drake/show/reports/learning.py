@@ -1,4 +1,4 @@
-"""What learning leaves in a folder: the learned reference, a scenario with it, and a report."""
+"""The files of `learn`: learned reference, scenario and report."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ from sdt_drake.show.style import (
 
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
 FILES = (LEARNED, SCENARIO, FLIGHTS)
-"""Of the folder: the best reference, a scenario with it, and the numbers of each flight."""
+"""Names of the best reference, a scenario with it, and the table of flights."""
 
 UNFINISHED = "unfinished"
-"""Folder within, with the same files, of flights that are not yet, or never were, all flown."""
+"""The folder within, with the same files, while flights are running or after an interruption."""
 
 ALL_FILES = (
     *FILES,
@@ -46,11 +46,11 @@ ALL_FILES = (
     *pictures("convergence", "flights", "errors"),
     *(MARKDOWN, REPORT),
 )
-"""Files of a learning, with those that it keeps until all flights are flown."""
+"""Names of all files, with those that exist only until the last flight."""
 
 
 def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table:
-    """The check of the convergence."""
+    """Make the table of the convergence check."""
     n = len(filter_.bandwidth)
     header = [
         "largest |Q (1 - L G)|", *(f"joint {k + 1}" for k in range(n)), "together",
@@ -69,7 +69,7 @@ def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table
 
 
 def flight_numbers(flight: Flight) -> dict[str, str | list[str]]:
-    """A flight by its numbers: a text, or one for each joint."""
+    """Return the numbers of a flight by name: a text, or a text per joint."""
     return {
         "flight": f"{flight.number}",
         "largest error [deg]": [f"{x:.4f}" for x in np.degrees(flight.largest)],
@@ -80,31 +80,29 @@ def flight_numbers(flight: Flight) -> dict[str, str | list[str]]:
 
 
 def learning_summary(lessons: Lessons) -> list[str]:
-    """How the learning went, and why it ended, for people."""
+    """Return the result of the learning, why it ended, and notes on flights, as sentences."""
     first, best = lessons.flights[0], lessons.best
-    lines = []
-    for number, step in enumerate(lessons.steps, start=2):
-        if step.note:
-            lines.append(f"flight {number}: {step.note}")
+    worst = int(first.largest.argmax())
+    lines = [
+        f"best: flight {best.number}; the largest position error (joint {worst + 1}) fell from "
+        f"{np.degrees(first.largest[worst]):.4f} to {np.degrees(best.largest[worst]):.4f} deg"
+        if best is not first
+        else f"best: flight {best.number}, the first one; the largest position error is "
+        f"{np.degrees(first.largest[worst]):.4f} deg (joint {worst + 1})"
+    ]
     if lessons.reason:
         lines.append(f"stopped after flight {lessons.flights[-1].number}: {lessons.reason}")
-    worst = int(first.largest.argmax())
-    lines.append(
-        f"best: flight {best.number}; joint {worst + 1} from {np.degrees(first.largest[worst]):.4f}"
-        f" to {np.degrees(best.largest[worst]):.4f} deg at most"
-    )
-    return lines
+    notes = (f"flight {n}: {step.note}" for n, step in enumerate(lessons.steps, 2) if step.note)
+    return [*lines, *notes]
 
 
 def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
-    """Write what the best flight had, a scenario with it, and the numbers of all flights so far.
-
-    Either all three are replaced or none.
+    """Write the best reference, a scenario with it, and the table of flights, all or none.
 
     Args:
-        folder: to write into.
-        design: of the first flight.
-        lessons: the flights.
+        folder: the folder.
+        design: the design of the first flight.
+        lessons: the flights so far.
     """
     scenario = copy.deepcopy(design.scenario)
     scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
@@ -115,10 +113,10 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what `write_learned` has kept in UNFINISHED; all is in `folder` now."""
+    """Remove the files of `write_learned` in UNFINISHED; `folder` contains all results now."""
     for name in FILES:
         (folder / UNFINISHED / name).unlink(missing_ok=True)
-    with suppress(OSError):  # somebody keeps something else there
+    with suppress(OSError):  # not empty: a user's files stay
         (folder / UNFINISHED).rmdir()
 
 
@@ -129,13 +127,13 @@ def write_learning_report(
     checks: Sequence[Convergence],
     lessons: Lessons,
 ) -> Path:
-    """Write figures and report of the learning; the report's page.
+    """Write figures and report of the learning, and return the path of the page.
 
     Args:
-        folder: to write into.
-        design: of the first flight.
-        filter_: that was learned with.
-        checks: of its convergence.
+        folder: the folder.
+        design: the design of the first flight.
+        filter_: the learning filter.
+        checks: checks of its convergence.
         lessons: the flights.
     """
     names, first, best = design.robot.joint_names, lessons.flights[0], lessons.best
@@ -143,7 +141,7 @@ def write_learning_report(
     compared = [first] if best is first else [first, best]
     figures = {
         "convergence": plot_checks(
-            f"{title}, the error that a flight leaves", checks, filter_, names
+            f"{title}, share of the error after a flight", checks, filter_, names
         ),
         "flights": plot_flights(f"{title}, by flight", lessons.flights, names),
         "errors": plot_errors(f"{title}, position errors", design.wanted.time, compared, names),
@@ -163,7 +161,7 @@ def write_learning_report(
 
 
 def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
-    """For each flight: errors [rad], shares of torque and of time [-]."""
+    """Write the table of flights: errors [rad], shares of torque and of time [-]."""
     columns = {
         "max_abs_position_error": np.array([flight.largest for flight in flights]),
         "rms_position_error": np.array([flight.rms for flight in flights]),
@@ -183,7 +181,7 @@ def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
 def plot_checks(
     title: str, checks: Sequence[Convergence], filter_: LearningFilter, joint_names: Sequence[str]
 ) -> Figure:
-    """What a flight leaves of an error over frequency, a panel for each joint."""
+    """Draw the share of an error after a flight over frequency, a panel for each joint."""
     hertz = filter_.omega / (2 * np.pi)
     with style():
         figure, _ = grid(
@@ -203,12 +201,12 @@ def plot_checks(
             ax.axvline(cut / (2 * np.pi), color="0.4", linestyle=":", linewidth=0.9)
             ax.set_title(joint_title(k, name), loc="left", fontweight="bold")
             ax.set_title(f"up to {cut / (2 * np.pi):.3g} Hz: {why}", loc="right", fontsize=7)
-            ax.set(ylim=(1e-4, 2), xlim=(hertz[0], hertz[-1]), ylabel="error that is left [-]")
+            ax.set(ylim=(1e-4, 2), xlim=(hertz[0], hertz[-1]), ylabel="remaining error [-]")
             plain_numbers(ax.xaxis)
             plain_numbers(ax.yaxis)
         for ax in figure.axes[len(joint_names) :]:
             ax.set_visible(False)
-        for ax in figure.axes[max(0, len(joint_names) - 2) : len(joint_names)]:  # the lowest shown
+        for ax in figure.axes[max(0, len(joint_names) - 2) : len(joint_names)]:  # lowest panels
             ax.set_xlabel("frequency [Hz]")
             ax.tick_params(labelbottom=True)
         return finish(figure, title)
@@ -217,7 +215,7 @@ def plot_checks(
 def plot_errors(
     title: str, time: Array, flights: Sequence[Flight], joint_names: Sequence[str]
 ) -> Figure:
-    """Position errors of some flights over time, a panel for each joint."""
+    """Draw position errors of flights over time, a panel for each joint."""
     lines = [
         (f"flight {flight.number}", Look(PALETTE[i]), np.degrees(flight.error))
         for flight, i in zip(flights, (1, 0), strict=False)
@@ -230,7 +228,7 @@ def plot_errors(
 
 
 def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[str]) -> Figure:
-    """Largest and RMS error, what could be felt, and peak torque over the flights."""
+    """Draw largest and RMS error, share of felt time, and peak torque over the flights."""
     number = [flight.number for flight in flights]
     panels = (
         ("largest position error [deg]", np.degrees([flight.largest for flight in flights])),

@@ -1,4 +1,4 @@
-"""The report on the paper recomputed, made of summary.json and of the figures beside it."""
+"""The report on the recomputed paper, made from summary.json and the figures beside it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ RECORDING, SUMMARY = "device.html", "summary.json"
 FILES = ("table1.md", doc.MARKDOWN, doc.REPORT)
 """Files of a report, all of them written or none."""
 
-_MOST_BYTES = 100_000_000  # of a file
+_MAX_FILE_BYTES = 100_000_000
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
-"""What comes of a summary that does not hold what the report shows."""
+"""Errors caused by a summary without the data of the report."""
 
 Json = Mapping[str, Any]
 """A part of summary.json."""
@@ -37,11 +37,11 @@ LOOKS = {
     NOT_REPRODUCED: ("bad", "✗"),
     NOT_COMPARABLE: ("open", "–"),
 }
-"""Class of page.css and sign of each verdict: colour is never the only difference."""
+"""The class of page.css and the sign of each verdict; colour is never the only difference."""
 
 
 def count_verdicts(claims: Sequence[Json]) -> dict[str, int]:
-    """How many claims of summary.json have each of VERDICTS."""
+    """Count the claims of summary.json by verdict."""
     return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
 
 
@@ -49,14 +49,14 @@ def write_report(folder: Path, studies: Sequence[Mapping[str, object]] = ()) -> 
     """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
 
     Args:
-        folder: with summary.json and the figures.
-        studies: chapters at the end, as `study_chapter` makes them.
+        folder: the folder with summary.json and the figures.
+        studies: chapters at the end, made by `study_chapter`.
 
     Returns:
         The path of the page.
 
     Raises:
-        InputError: naming the file that is missing or cannot be used; nothing is written.
+        InputError: if a file is missing or cannot be used; nothing is written then.
     """
     with _advice(folder):
         values = _values(_read_summary(folder / SUMMARY))
@@ -72,14 +72,14 @@ def write_report(folder: Path, studies: Sequence[Mapping[str, object]] = ()) -> 
 
 @contextmanager
 def _advice(folder: Path) -> Iterator[None]:
-    """Errors within say where the files come from, too."""
+    """Add to errors within which command writes the files."""
     try:
         yield
     except InputError as error:
         message = str(error)
     except _OTHER_FORM as error:
         reason = f"has no {error}" if isinstance(error, KeyError) else "has another form"
-        message = f"{folder / SUMMARY}: {reason}, it is of another version"
+        message = f"{folder / SUMMARY}: {reason}, as another version has written it"
     else:
         return
     raise InputError(f"{message}; run `sdt-drake reproduce --out {folder}` first")
@@ -90,16 +90,16 @@ def _read_summary(path: Path) -> Json:
         raise InputError(f"{path}: is missing")
 
     def refuse(text: str) -> float:
-        raise InputError(f"{path}: holds {text}, expected finite numbers")
+        raise InputError(f"{path}: contains {text}, expected finite numbers")
 
     try:
-        return json.loads(read_text(path, _MOST_BYTES), parse_constant=refuse)
+        return json.loads(read_text(path, _MAX_FILE_BYTES), parse_constant=refuse)
     except json.JSONDecodeError:
         raise InputError(f"{path}: is not JSON") from None
 
 
 def _numbers(summary: Json) -> dict[str, object]:
-    """Those in the sentences of the report."""
+    """Return the numbers in the report's sentences."""
     runs = {
         (run["algorithm"], run["controller"]): run
         for run in summary["tracking"]
@@ -136,7 +136,7 @@ def _numbers(summary: Json) -> dict[str, object]:
 
 
 def _reported(summary: Json) -> list[Judged]:
-    """What people reported of motions; a number that does not exist is null in the summary."""
+    """Read people's reports of motions; null in the summary becomes NaN."""
 
     def read(entry: dict[str, Any]) -> Any:
         return {name: math.nan if value is None else value for name, value in entry.items()}
@@ -145,7 +145,7 @@ def _reported(summary: Json) -> list[Judged]:
 
 
 def findings(summary: Json) -> list[str]:
-    """The sentences that matter most, of summary.json."""
+    """Return the most important results of summary.json as sentences."""
     return doc.bullets("findings.md.j2", **_numbers(summary))
 
 
@@ -155,7 +155,7 @@ def _worst(felt: Json, channels: slice) -> str:
 
 
 def _values(summary: Json) -> dict[str, object]:
-    """What paper.md.j2 shows."""
+    """Return the values of paper.md.j2."""
     beyond = [
         {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
         for e in summary["beyond"]
@@ -197,8 +197,10 @@ def _values(summary: Json) -> dict[str, object]:
 
 
 def value_table(claim: Json) -> doc.Table:
-    """What the paper has of a claim above what is computed; a column for each joint, if there are
-    values of each, and one for others."""
+    """Make the table of published and computed values of a claim.
+
+    Values of joints have a column for each joint; other values have the column "all".
+    """
     published, computed = claim["published"], claim["computed"]
     if isinstance(published, dict):
         header = ["", *(key.replace("_", " ") for key in published)]
@@ -226,7 +228,7 @@ def _value_rows(name: str, value: object) -> list[tuple[str, list[str]]]:
 
 
 def _listed(value: object) -> str:
-    """A value of the summary in words."""
+    """Return a value of the summary as text."""
     if isinstance(value, dict):
         return "; ".join(f"{key.replace('_', ' ')} {_listed(v)}" for key, v in value.items())
     if isinstance(value, list):
@@ -244,7 +246,7 @@ def _by_joint(
     entries: Sequence[Json],
     metrics: Sequence[str],
 ) -> doc.Table:
-    """A row for each entry, beginning with its names; of each metric a value for each joint."""
+    """Make a table with a row for each entry, and a value of each metric for each joint."""
     rows = [
         [*own, *([METRICS[m].text(value) for value in entry[m]] for m in metrics)]
         for own, entry in zip(names, entries, strict=True)
@@ -301,7 +303,10 @@ def _pairs(
     computed: Sequence[Json],
     published: Sequence[Sequence[str]],
 ) -> doc.Table:
-    """Two rows for each name; columns by key: title and format."""
+    """Make a table with a computed and a published row for each name.
+
+    `columns` contains title and format by key.
+    """
     rows = []
     for name, values, printed in zip(names, computed, published, strict=True):
         rows.append([name, *(format(values[key], spec) for key, (_, spec) in columns.items())])

@@ -1,4 +1,4 @@
-"""The paper recomputed as files: CSV, figures, block diagrams, summary.json, and the report."""
+"""The files of `reproduce`: CSV, figures, block diagrams, summary.json and the report."""
 
 from __future__ import annotations
 
@@ -36,12 +36,11 @@ FILES = (
     RECORDING,
     *REPORT_FILES,
 )
-"""Files of a reproduction."""
+"""Names of all files of a reproduction."""
 
 
 def write_reproduction(results: Reproduction, folder: Path, watch: Stopwatch) -> dict[str, Any]:
-    """Write all files of `reproduce` into `folder`, all or none; returns the content of
-    summary.json."""
+    """Write all files of `reproduce` into a folder, all or none, and return its summary."""
     claims = judge_claims(results)
     with replacing_files(folder) as new:
         return _write(results, claims, new, watch)
@@ -61,7 +60,7 @@ def _write(
     with watch.stage("block diagrams"):
         for name in DIAGRAMS:
             write_block_diagram(name, results.design, folder / "diagrams")
-    with watch.stage("beyond the paper"):  # its runs have gone on meanwhile
+    with watch.stage("beyond the paper"):  # its runs ran in parallel
         title = "Controllers on the coupled MultibodyPlant, model known exactly (beyond the paper)"
         save_both(plots.comparison(title, results.beyond), folder / "controllers")
     content = summary(results, claims)
@@ -74,7 +73,7 @@ def _write(
 
 
 def write_reference_motion(results: Reproduction, path: Path) -> None:
-    """The motion with its torque groups (joint side) and loads (motor side)."""
+    """Write the reference motion with torque groups (joint side) and loads (motor side)."""
     design, motion, groups = results.design, results.design.motion, results.design.torques
     columns = {
         "q_ref": motion.q,
@@ -92,7 +91,7 @@ def write_reference_motion(results: Reproduction, path: Path) -> None:
 
 
 def figures(results: Reproduction) -> dict[str, Figure]:
-    """The figures of the paper's runs by file name."""
+    """Draw the figures of the paper's runs, by file name."""
     motion, names = results.design.motion, results.design.robot.joint_names
     axis, coupled = (
         {name: of(name).recording for name in ("pi", "pi_ctc")}
@@ -117,7 +116,7 @@ def figures(results: Reproduction) -> dict[str, Figure]:
 
 
 def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
-    """The content of summary.json; a number that does not exist is null."""
+    """Return the content of summary.json; NaN and infinity are null."""
     steps = {
         structure: {name: getattr(step.metrics, name) for name in paper.FIGURE4[structure]}
         for structure, step in results.steps.items()

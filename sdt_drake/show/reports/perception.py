@@ -1,4 +1,4 @@
-"""Predictions of what a pilot feels, beside what people reported and what motions are meant for."""
+"""Tables of predicted perception beside people's reports and intended illusions."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ from sdt_drake.show.documents import Table
 
 
 def reported_table(rows: Sequence[Judged]) -> Table:
-    """What people reported, and what each set predicts with its verdict; see `reported_notes`."""
+    """Make the table of people's reports and of each parameter set's prediction with verdict.
+
+    `reported_notes` describes the rows.
+    """
     models = list(rows[0].predicted)
     cells = [[row.id, row.reported, *map(row.cell, models)] for row in rows]
     return Table(["motion", "people", *models], cells)
 
 
 def reported_notes(rows: Sequence[Judged]) -> list[str]:
-    """What was done and reported, by the ids of the table, with its source."""
+    """Return sentences on stimulus, reported quantity and source of each row."""
     return [f"{row.id}: {row.stimulus}: {row.quantity}; {row.source}." for row in rows]
 
 
 def intended_table(rows: Sequence[Intended]) -> Table:
-    """The illusion that each training motion is meant to give, as far as sets predict it."""
+    """Make the table of the intended illusion of each training motion, with the predictions."""
     models = list(rows[0].predicted)
     cells = [
         [

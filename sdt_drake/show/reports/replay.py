@@ -1,4 +1,4 @@
-"""A replay in words, tables and a figure; as a page, and on the command line."""
+"""Sentences, tables and report of a replay."""
 
 from __future__ import annotations
 
@@ -29,13 +29,17 @@ from sdt_drake.show.style import pictures, save_both
 
 FIGURE, TABLE = "replay", "replay.csv"
 FILES = (*pictures(FIGURE), TABLE, doc.MARKDOWN, doc.REPORT)
-"""Files of a replay."""
+"""Names of all files of a replay."""
 
 _SHARE = Metric("explained", "%", 100, ".1f")
 
 
 def tables(replay: Replay) -> list[doc.Table]:
-    """What the simulation explains, and for each quantity how far it is off, by what is changed."""
+    """Make the tables of a replay.
+
+    The first has the share that the simulation explains. The others have the difference of each
+    quantity, with a row for each change of the simulation.
+    """
     joints = numbered(replay.design.robot.joint_names)
     rows = [(QUANTITIES[x].title, *_explained(replay, x)) for x in replay.measured]
     due = replay.due_to_model
@@ -61,15 +65,16 @@ def tables(replay: Replay) -> list[doc.Table]:
 
 
 def replay_findings(replay: Replay) -> list[str]:
-    """What the numbers of a replay say, a sentence each."""
+    """Return the result of a replay as sentences: first the answer, then causes and notes."""
     wrong: list[int] = []
     if ALONE in replay.courses:
         off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
-        unexplained = replay.explained("torque") < EXPLAINED_SHARE  # nor of joints without a torque
+        # False for joints without a torque
+        unexplained = replay.explained("torque") < EXPLAINED_SHARE
         wrong = _joints(off & unexplained)
     is_beside = np.abs(replay.start).max() > 1e-6
     recorded = replay.recorded
-    said = doc.bullets(
+    findings = doc.bullets(
         "replay_findings.md.j2",
         replay=replay,
         offsets=[f"{x:.4f}" for x in np.degrees(replay.start)] if is_beside else [],
@@ -82,13 +87,13 @@ def replay_findings(replay: Replay) -> list[str]:
         ],
     )
     checked = check_recording(replay.design.robot, recorded)
-    return said + [f"Warning: {recorded.path.name}: {found}" for found in checked]
+    return findings + [f"Warning: {recorded.path.name}: {found}" for found in checked]
 
 
 def _compared(
     replay: Replay, quantity: str, case: str, joints: NDArray[np.bool_]
 ) -> dict[str, str]:
-    """Joints of which a case explains more, how much, and what the scenario as it is does."""
+    """Return the joints that a case explains better than the scenario, and both shares."""
     share, own = (
         np.where(x < 0, np.nan, x)[joints]
         for x in (replay.explained(quantity, case), replay.explained(quantity))
@@ -104,28 +109,30 @@ def _compared(
 
 
 _WHY = {
-    FEEDFORWARD: "Links, friction or payload of the scenario are not those of the machine: "
-    "sdt-drake identify finds them.",
-    UNFED: "The machine does not add it as this controller does, or its unit or side is another "
-    "(torque_factor, --side).",
-    "without friction": "Friction of the scenario is not that of the machine: "
-    "sdt-drake identify --only friction finds it.",
-    "with rigid joints": "Springs of the scenario are not those of the machine.",
-    "with ideal drives": "Drives of the scenario are not those of the machine.",
-    "with the nominal links": "The deviation of the scenario is not that of the machine.",
+    FEEDFORWARD: "Links, friction or payload of the scenario differ from the machine's: "
+    "run sdt-drake identify.",
+    UNFED: "The machine does not add the recorded feedforward as this controller does, or its unit "
+    "or side differs: check torque_factor and --side.",
+    "without friction": "Friction of the scenario differs from the machine's: "
+    "run sdt-drake identify --only friction.",
+    "with rigid joints": "Springs of the scenario differ from the machine's.",
+    "with ideal drives": "Drives of the scenario differ from the machine's.",
+    "with the nominal links": "The deviation of the scenario differs from the machine's.",
 }
-"""What it means that a case explains more than the scenario as it is."""
+"""The conclusion if a case explains more than the scenario as it is."""
 
 
 def _explained(replay: Replay, quantity: str) -> Sequence[str]:
-    """Shares that the simulation explains; a dash where it is worse than none, or there is nothing
-    to explain."""
+    """Return the shares that the simulation explains.
+
+    A dash stands for a negative share, and for a joint without recorded values.
+    """
     share = replay.explained(quantity)
     return _texts(_SHARE, np.where(share < 0, np.nan, share))
 
 
 def _explained_in_words(replay: Replay, quantity: str) -> dict[str, object]:
-    """The same, with the joints that have dashes."""
+    """Return the explained shares of a quantity, and the joints that have dashes."""
     apart = replay.apart(quantity)
     return {
         "title": QUANTITIES[quantity].title,
@@ -137,12 +144,12 @@ def _explained_in_words(replay: Replay, quantity: str) -> dict[str, object]:
 
 
 def _joints(where: NDArray[np.bool_]) -> list[int]:
-    """Those where this holds, from 1."""
+    """Return the joints for which a condition holds, counted from 1."""
     return [k + 1 for k in np.flatnonzero(where).tolist()]
 
 
 def write_replay(replay: Replay, folder: Path) -> Path:
-    """Write figure, table and report into a folder, all or none; the path of the page.
+    """Write figure, table and report into a folder, all or none, and return the page's path.
 
     Raises:
         InputError: if a file cannot be written.

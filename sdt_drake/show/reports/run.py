@@ -1,4 +1,4 @@
-"""The report of one run, to hand to whoever asked for it: the answer first, then all of it."""
+"""The report of one run: the answer first, then all details."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import Report, Table, render
 from sdt_drake.show.figures.pilot import head_panels
 from sdt_drake.show.figures.scope import joint_columns, position_panels, torque_over_speed
-from sdt_drake.show.panels import MOST, Line, Panel, Plots
+from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel, Plots
 from sdt_drake.show.style import PALETTE, Look, joint_title
 from sdt_drake.show.view3d.scene import FELT_MODEL
 from sdt_drake.show.view3d.viewer import recorded_page
@@ -40,16 +40,16 @@ from sdt_drake.show.view3d.viewer import recorded_page
 def write_run_report(
     design: Design, recording: Recording, path: Path, joints: Sequence[int]
 ) -> None:
-    """Write the report of a run: one page (.html), or Markdown with what it shows beside it (.md).
+    """Write the report of a run: one page (.html), or Markdown with pictures beside it (.md).
 
     Args:
-        design: of the run.
-        recording: of all its joints.
-        path: ends in .html or .md.
-        joints: those to show over time, from 0.
+        design: the design of the run.
+        recording: the recording of all joints.
+        path: a file that ends in .html or .md.
+        joints: joints that are shown over time, counted from 0.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if a file cannot be written.
     """
     report = run_report(design, recording, path, joints)
     if path.suffix == ".html":
@@ -64,7 +64,7 @@ def write_run_report(
 
 
 def run_report(design: Design, recording: Recording, path: Path, joints: Sequence[int]) -> Report:
-    """The report of a run; arguments as in `write_run_report`."""
+    """Make the report of a run; arguments as in `write_run_report`."""
     scenario, run = design.scenario, Compared(design.scenario.controller.label, design, recording)
     attached: dict[str, Plots | str] = {}
 
@@ -86,7 +86,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         "gains": _gains(design),
         "tracking": _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked]),
         "samples": len(recording.time),
-        "most": MOST,
+        "max_samples": MAX_SAMPLES,
         "joints": [
             {**joint, "file": attach(f"joint_{k + 1}.png", Plots([panels]))}
             for k, joint, panels in _over_time(run, joints)
@@ -116,7 +116,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
 
 
 def _answer(run: Compared) -> dict[str, object]:
-    """What comes first: the largest errors, and where they are."""
+    """Return the values of the answer: the largest errors, where they are, and saturation."""
     names, recording, tracking = run.design.robot.joint_names, run.recording, run.tracking
 
     def worst(largest: Array, errors: Array) -> tuple[int, dict[str, Any]]:
@@ -125,15 +125,15 @@ def _answer(run: Compared) -> dict[str, object]:
         return k, {"joint": joint_title(k, names[k]), "error": largest[k], "time": time}
 
     k, speed = worst(tracking.max_abs_speed_error, recording.speed_error)
-    asked = np.abs(recording.v_ref[:, k]).max()
-    lost = np.degrees(tracking.max_abs_position_error)
+    planned = np.abs(recording.v_ref[:, k]).max()
+    position_errors = np.degrees(tracking.max_abs_position_error)
     used = int(np.nanargmax(run.motors.peak_share))
     return {
-        "speed": {**speed, "share": speed["error"] / asked if asked > 0 else 0},
-        "position": worst(lost, recording.position_error)[1],
+        "speed": {**speed, "share": speed["error"] / planned if planned > 0 else 0},
+        "position": worst(position_errors, recording.position_error)[1],
         "used": {"joint": joint_title(used, names[used]), "share": run.motors.peak_share[used]},
         "saturated": [
-            f"joint {i} for {plain_number(100 * share)} % of the time"
+            f"joint {i} {plain_number(100 * share)} % of the time"
             for i, share in enumerate(tracking.saturated_fraction, 1)
             if share
         ],
@@ -161,15 +161,15 @@ def _gains(design: Design) -> Table:
 def _table(
     design: Design, columns: Sequence[tuple[str, str, NDArray[Any]]], title: str = ""
 ) -> Table:
-    """A row for each joint; columns as in `by_joint`."""
+    """Make a table with a row for each joint; columns as in `by_joint`."""
     return Table(*by_joint(design.robot.joint_names, columns), title)
 
 
 def _loops(design: Design) -> dict[str, object]:
-    """Whether the loops are stable, and how nearly they are not."""
+    """Return stability, margins and linear analysis of the loops."""
     try:
         response = frequency_response(design)
-    except InputError as error:  # a controller of one's own that Drake cannot linearise
+    except InputError as error:  # a user's controller that Drake cannot linearise
         return {"response": str(error), "unstable": [], "margins": None}
     names = enumerate(design.robot.joint_names)
     return {
@@ -182,7 +182,7 @@ def _loops(design: Design) -> dict[str, object]:
 
 
 def _margins(response: FrequencyResponse) -> Mapping[str, tuple[int, float] | None]:
-    """Joint and value of each smallest margin; None where no joint has one."""
+    """Return joint and value of each smallest margin; None if all are unlimited."""
 
     def smallest(values: Array) -> tuple[int, float] | None:
         if np.isnan(values).all():
@@ -203,7 +203,7 @@ def _margins(response: FrequencyResponse) -> Mapping[str, tuple[int, float] | No
 def _over_time(
     run: Compared, joints: Sequence[int]
 ) -> list[tuple[int, dict[str, object], list[Panel]]]:
-    """Each joint with its title, whether it is saturated at a time, and its panels."""
+    """Return each joint with its title, if it saturates, and its panels."""
     design, recording = run.design, run.recording
     positions, others = position_panels(recording), joint_columns(recording, design)
     return [
@@ -220,20 +220,20 @@ def _over_time(
 
 
 def _pilot(run: Compared) -> dict[str, object]:
-    """What the motion is to feel like, and the illusions that are predicted of it."""
+    """Return the intended feeling of the motion, and the predicted illusions."""
     design, head = run.design, run.head.achieved
-    wanted = story_of(design.scenario.motion, design.robot, design.wanted)
+    story = story_of(design.scenario.motion, design.robot, design.wanted)
     predicted, found, not_predicted = "", [], ""
     try:
         felt = feel(head, design.motion.period, FELT_MODEL)
         found = [str(one) for one in illusions(felt, head)]
-        if wanted.illusion:
-            meant = intended(design.scenario.name, wanted.illusion, head, {FELT_MODEL: felt})
+        if story.illusion:
+            meant = intended(design.scenario.name, story.illusion, head, {FELT_MODEL: felt})
             predicted = meant.sentence(FELT_MODEL)
     except InputError as error:
         not_predicted = str(error)
     return {
-        "feels": wanted.feels,
+        "feels": story.feels,
         "predicted": predicted,
         "illusions": found,
         "not_predicted": not_predicted,
@@ -243,9 +243,9 @@ def _pilot(run: Compared) -> dict[str, object]:
 
 
 def _felt(run: Compared) -> list[tuple[str, str, Plots]]:
-    """Turn and push of each axis of the head, and their plots."""
+    """Return rotation and force of each axis of the head by name, and their plots."""
     time, head, felt = run.recording.time, run.head, run.head.felt.multiples
-    just = Line("just felt", Look("0.2"), np.ones_like(time))
+    just = Line("threshold: just felt", Look("0.2"), np.ones_like(time))
     shown = []
     for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
         lines = [
@@ -253,6 +253,6 @@ def _felt(run: Compared) -> list[tuple[str, str, Plots]]:
             Line(f"error of {push} force", Look(PALETTE[5]), felt[:, 3 + axis]),
             just,
         ]
-        error = Panel("", "time [s]", "error / just felt", time, lines)
+        error = Panel("", "time [s]", "error / threshold", time, lines)
         shown.append((turn, push, Plots([[*head_panels(time, head, axis), error]])))
     return shown

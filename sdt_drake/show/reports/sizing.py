@@ -1,4 +1,4 @@
-"""A sizing as a page: the chosen motors, why not others, and the margin of each."""
+"""The report of a sizing: the chosen motors, their margins, and why others are ruled out."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from sdt_drake.studies.verdicts import Verdict, nearest, recommend
 
 FIGURE = "front"
 FILES = (*pictures(FIGURE), doc.MARKDOWN, doc.REPORT)
-"""Files of the page."""
+"""Names of the report's files."""
 
-_SPARE = 0.1  # of a limit; a motor with less is near it
+_MIN_MARGIN = 0.1  # share of a limit; motors with less are named
 
 
 def write_sizing_report(
     sizing: Sizing, verdicts: Sequence[Verdict], folder: Path, failed: str
 ) -> None:
-    """Write the figure and the page of a sizing into a folder.
+    """Write the figure and the report of a sizing into a folder.
 
     Args:
-        sizing: as it was run.
-        verdicts: on all candidates with all controllers.
-        folder: for the files.
-        failed: what has failed, in a sentence; "" for nothing.
+        sizing: the sizing.
+        verdicts: verdicts on all candidates with all controllers.
+        folder: the folder.
+        failed: failed runs in a sentence; "" if there are none.
 
     Raises:
         InputError: if a file cannot be written.
@@ -61,7 +61,7 @@ def write_sizing_report(
 
 
 def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str, Any]:
-    """What is told of a controller."""
+    """Return the result for a controller."""
     own = [v for v in verdicts if v.controller == label]
     chosen = recommend(verdicts, label)
     shown = chosen or nearest(verdicts, label)
@@ -81,7 +81,7 @@ def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str
 
 
 def _heavy(answer: dict[str, Any]) -> tuple[float, float]:
-    """What answers are sorted by: mass, then error."""
+    """Return the key by which answers are sorted: mass, then error."""
     chosen = answer["chosen"]
     return (chosen.mass, chosen.error) if chosen else (math.inf, math.inf)
 
@@ -91,7 +91,7 @@ def _same(one: Verdict | None, other: Verdict) -> bool:
 
 
 def _fields(sizing: Sizing, verdict: Verdict) -> str:
-    """The device of a candidate and its controller, as in the file of a scenario."""
+    """Return device and controller of a candidate as the YAML of a scenario."""
     catalogue, (kind, _, feedforward) = sizing.device.catalogue, verdict.controller.partition("+")
     shared = catalogue if catalogue.startswith(PACKAGE_PREFIX) else Path(catalogue).name
     device: dict[str, object] = {"catalogue": shared, "fitted": sizing.device.fitted}
@@ -105,17 +105,18 @@ def _fields(sizing: Sizing, verdict: Verdict) -> str:
 
 
 def _tight(verdict: Verdict) -> list[str]:
-    """Joints that are nearer to a limit than a tenth of it."""
-    told = []
-    for k in range(len(verdict.candidate.motors)):
-        name = verdict.tightest(k + 1)
-        if verdict.used[name] > 1 - _SPARE:
-            told.append(f"joint {k + 1} ({metric_of(name).title})")
-    return told
+    """Return the joints with less than a tenth of a limit left."""
+    joints = range(1, len(verdict.candidate.motors) + 1)
+    nearest_limits = [(k, verdict.tightest(k)) for k in joints]
+    return [
+        f"joint {k} ({metric_of(name).title})"
+        for k, name in nearest_limits
+        if verdict.used[name] > 1 - _MIN_MARGIN
+    ]
 
 
 def _margins(verdict: Verdict) -> doc.Table:
-    """The nearest limit of each joint, and what is left to it."""
+    """Make the table of the nearest limit of each joint and the margin to it."""
     rows = []
     for k, id_ in enumerate(verdict.candidate.motors):
         name = verdict.tightest(k + 1)
@@ -127,19 +128,19 @@ def _margins(verdict: Verdict) -> doc.Table:
         ))  # fmt: skip
     kind = "Margins" if verdict.feasible else "The nearest set misses"
     return doc.Table(
-        ("joint", "motor", "nearest limit", "there", "used [%]", "margin [%]", "in motion"), rows,
+        ("joint", "motor", "nearest limit", "value", "used [%]", "margin [%]", "in motion"), rows,
         title=f"{kind}, with {verdict.controller}",
     )  # fmt: skip
 
 
 def _in_words(name: str) -> str:
-    """A limit for people: "torque used of joint 2"."""
+    """Return a limit as text, such as "torque used of joint 2"."""
     joint = family_of(name)[1]
     return metric_of(name).title + (f" of joint {joint}" if joint else "")
 
 
 def _limits(verdicts: Sequence[Verdict], chosen: Verdict | None) -> Counter[str]:
-    """Limits that candidates lighter than the chosen one miss, or all where there is none."""
+    """Count the limits missed by candidates lighter than the chosen one; by all without one."""
     return Counter(
         _in_words(name) if name in v.used else name
         for v in verdicts
@@ -149,7 +150,7 @@ def _limits(verdicts: Sequence[Verdict], chosen: Verdict | None) -> Counter[str]
 
 
 def _ruled_out(verdicts: Sequence[Verdict], label: str) -> doc.Table | None:
-    """How many candidates each limit rules out."""
+    """Make the table of how many candidates each limit rules out."""
     counts = Counter(name for v in verdicts for name in v.beyond)
     alone = Counter(v.beyond[0] for v in verdicts if len(v.beyond) == 1)
     rows = [
@@ -160,7 +161,7 @@ def _ruled_out(verdicts: Sequence[Verdict], label: str) -> doc.Table | None:
 
 
 def motor_table(sizing: Sizing, verdicts: Sequence[Verdict]) -> doc.Table:
-    """In how many sets that keep all requirements each motor of each joint is."""
+    """Make the table of the motors of each joint, with the sets that meet all requirements."""
     rows, catalogue = [], sizing.catalogue
     for k, ids in enumerate(sizing.motors):
         for motor in sorted((catalogue.motor(x, "motors") for x in ids), key=lambda m: m.mass):

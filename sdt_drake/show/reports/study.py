@@ -1,4 +1,4 @@
-"""The results of a study: tables and figures, on one page and on the command line."""
+"""Tables, figures and report of a study."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.files import write_text
-from sdt_drake.show.documents import REPORT, Report, Table, render
+from sdt_drake.show.documents import REPORT, Report, Table, capital, render
 from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.show.figures import studies as plots
 from sdt_drake.show.style import save_both
@@ -32,32 +32,32 @@ from sdt_drake.studies.summary import (
 from sdt_drake.studies.table import StudyTable
 
 COST, ERROR = "peak_torque_share", "max_abs_speed_error"
-"""Of the Pareto front."""
+"""The outcomes of the Pareto front."""
 
 FIGURES = ("distributions", "tornado", "scatter", "pareto")
-"""Names of the figures that there may be."""
+"""Names of all possible figures."""
 
 _HEADLINES = (
     "max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "winding_temperature",
     "felt_share",
 )  # fmt: skip
-_LOOKS = {"ok": "good", "infeasible": "open"}  # of statuses; others are bad
-_NOTHING = Share(np.nan, np.nan)
-_NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
+_LOOKS = {"ok": "good", "infeasible": "open"}  # classes of page.css; other statuses are "bad"
+_UNKNOWN = Share(np.nan, np.nan)
+_MIN_SHARE = 0.05  # of the variance; a smaller share is no finding
 
 
 def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, list[Table]]:
-    """Write the figures and report.html of a study; each file replaced whole.
+    """Write the figures and report.html of a study; each file is replaced whole.
 
     Args:
-        folder: of the study.
-        out: folder for the files; that of the study if None.
+        folder: the folder of the study.
+        out: the folder of the files; None for that of the study.
 
     Returns:
-        The path of the page, and its tables, but for those of each joint.
+        The path of the page, and its tables without those of each joint.
 
     Raises:
-        InputError: if the folder holds no study with a run, or a file cannot be written.
+        InputError: if the folder contains no study with a run, or a file cannot be written.
     """
     report, tables = make_study_report(read_study_table(folder), folder, out)
     return write_text(report.folder / REPORT, report.page()), tables
@@ -66,12 +66,12 @@ def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, lis
 def make_study_report(
     table: StudyTable, folder: Path, out: Path | None = None
 ) -> tuple[Report, list[Table]]:
-    """The report on a study, and its tables, but for those of each joint; its figures are written.
+    """Write the figures of a study, and return its report and tables without those of each joint.
 
     Args:
-        table: of the study.
-        folder: it is in; named in the command that repeats a run.
-        out: folder for the figures; that of the study if None.
+        table: the table of the study.
+        folder: the folder of the study, for the command that repeats a run.
+        out: the folder of the figures; None for that of the study.
     """
     study, families = study_summary(table), headlines(table)
     percentile_tables = [percentile_table(table, [family]) for family in families]
@@ -93,11 +93,10 @@ def make_study_report(
 
 
 def study_chapter(folder: Path) -> dict[str, object]:
-    """What matters most of a study, for a larger report in the folder above; its figures are
-    written.
+    """Write the figures of a study, and return its values for a report in the folder above.
 
     Raises:
-        InputError: as `write_study_report`.
+        InputError: as for `write_study_report`.
     """
     table = read_study_table(folder)
     figures = _figures(table, folder, ("distributions", "tornado", "pareto"))
@@ -105,30 +104,30 @@ def study_chapter(folder: Path) -> dict[str, object]:
 
 
 def families_there(table: StudyTable) -> list[str]:
-    """The families of outcomes that some run has."""
+    """Return the families of outcomes that at least one run has."""
     return [family for family in table.families if usable(table, family).any()]
 
 
 def headlines(table: StudyTable) -> list[str]:
-    """The families of outcomes to look at first."""
+    """Return the most important families of outcomes."""
     there = families_there(table)
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
 def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -> list[str]:
-    """Names of those wanted that there is something to draw for, written into the folder."""
+    """Write the chosen figures for which there is data, and return their names."""
     names, count = headlines(table), int(table.ok.sum())
     moved = [family for family in names if plots.influential(table, [family])]
     drawn: dict[str, Callable[[], Figure]] = {}
     if names:
-        title = f"{table.name}: {count} runs, and what share of them is at or below a value"
+        title = f"{table.name}: share of {count} runs at or below a value"
         drawn["distributions"] = partial(plots.distributions, title, table, names)
     if moved:
         family = ERROR if ERROR in moved else moved[0]
-        title = f"{table.name}: what moves the {metric_of(family).title}"
+        title = f"{table.name}: effect of the inputs on the {metric_of(family).title}"
         drawn["tornado"] = partial(plots.tornado_figure, title, table, family)
-        title = f"{table.name}: outcomes over the inputs that explain most"
-        outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MOST_PANELS]
+        title = f"{table.name}: outcomes over the most important inputs"
+        outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MAX_PANELS]
         inputs = plots.influential(table, names)
         drawn["scatter"] = partial(plots.scatter_matrix, title, table, inputs, outcomes)
     is_front = table.choices and not table.missing and {COST, ERROR} <= set(table.families)
@@ -145,7 +144,7 @@ def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -
 
 
 def status_table(table: StudyTable) -> Table:
-    """How many runs ended in which way; below each, the most frequent reasons."""
+    """Make the table of runs by status, with the most frequent reasons."""
     rows = []
     for status, runs, reasons in count_statuses(table):
         rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
@@ -154,11 +153,11 @@ def status_table(table: StudyTable) -> Table:
 
 
 def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
-    """Percentiles of outcomes: a row for each, and for each group.
+    """Make the table of percentiles of outcomes, a row for each outcome and group.
 
     Args:
-        table: of the study.
-        names: of outcomes of one family, or of the family for the worst joint of it.
+        table: the table of the study.
+        names: outcomes of one family, or the family for its worst joint.
     """
     metric = metric_of(names[0])
     rows = []
@@ -171,11 +170,11 @@ def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
 
 
 def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[Table]:
-    """Make tables of a run's outcomes: those of joints, a row for each family, then the others.
+    """Make tables of a run's outcomes: first those of joints, then those of the whole run.
 
     Args:
-        names: as `outcomes.outcome_names` has them.
-        outcomes: of the run, by these names.
+        names: names of `outcomes.outcome_names`.
+        outcomes: values by these names.
     """
     rows: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
     for name, value in zip(names, outcomes, strict=True):
@@ -191,12 +190,12 @@ def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[Tabl
 
 
 def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
-    """The worst runs of an outcome, for each group: row, value, joint, inputs.
+    """Make the table of the worst runs of an outcome for each group: row, joint, value, inputs.
 
     Args:
-        table: of the study.
-        outcome: its name, or that of a family: of each run's worst joint.
-        count: of the runs for each level.
+        table: the table of the study.
+        outcome: outcome, or a family for each run's worst joint.
+        count: number of runs for each group.
     """
     metric, has_joints = metric_of(outcome), bool(table.joints(outcome))
     inputs = sorted(varied(table), key=lambda name: name != table.by)
@@ -214,18 +213,19 @@ def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
 
 
 def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
-    """Share of the variance that each input explains alone [%], with its standard error; a table
-    for each group in which more than one input varies.
+    """Make the tables of the variance that each input explains alone [%], with standard errors.
+
+    There is a table for each group in which more than one input varies.
 
     Args:
-        table: of the study.
-        names: of outcomes, a column each; a family for the worst joint of it.
+        table: the table of the study.
+        names: outcomes, a column each; a family stands for its worst joint.
     """
     tables = []
     for level, part in table.groups.items():
         columns = [sensitivity(part, name) for name in names]
         by_input = {
-            key: [shares.get(key, _NOTHING) for shares in columns] for key in chain(*columns)
+            key: [shares.get(key, _UNKNOWN) for shares in columns] for key in chain(*columns)
         }
         if len(by_input) > 1:
             ordered = sorted(by_input.items(), key=lambda item: -np.nan_to_num(_sum(item[1])))
@@ -239,13 +239,13 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
 
 
 def _sum(shares: Iterable[Share]) -> float:
-    """As the table shows them: what is below 0 is chance; NaN if there are none."""
+    """Add shares, with negative estimates as 0; NaN without any."""
     known = [max(share.value, 0) for share in shares if np.isfinite(share.value)]
     return sum(known) if known else np.nan
 
 
 def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
-    """What tells the outcome from the others: its title, or its joint if all have one title."""
+    """Return the title of an outcome, or its joint if all outcomes have the same title."""
     titles = {metric_of(other).title for other in names}
     return metric_of(name).title if len(titles) == len(names) else table.place(name)
 
@@ -267,10 +267,10 @@ def cell(value: float | str) -> str:
 
 
 def study_summary(table: StudyTable) -> dict[str, object]:
-    """What study_summary.md.j2 shows, and the table of statuses."""
+    """Return the values of study_summary.md.j2, and the table of statuses."""
     return {
         "name": table.name,
-        "failed": _capital(failures(table)),
+        "failed": capital(failures(table)),
         "runs": len(table),
         "varied": list(varied(table)),
         "time": _time(float(np.nansum(table.duration))),
@@ -284,11 +284,11 @@ def study_summary(table: StudyTable) -> dict[str, object]:
 
 
 def finding(table: StudyTable, family: str) -> dict[str, object]:
-    """How large an outcome gets, and what it comes of: limits and shares, each with its level.
+    """Return the 95th percentile of an outcome and its main causes, each with its group.
 
     Args:
-        table: of the study.
-        family: of the outcome.
+        table: the table of the study.
+        family: family of the outcome.
     """
     limits: list[tuple[str, str | None]] = []
     causes: dict[str, list[tuple[str, str | None]]] = {}
@@ -300,28 +300,24 @@ def finding(table: StudyTable, family: str) -> dict[str, object]:
         limits.append((f"{value:.3g}", where))
         shares = sensitivity(part, family)
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
-        if len(shares) > 1 and share.value > max(_NEAR_NOTHING, 2 * share.error):
+        if len(shares) > 1 and share.value > max(_MIN_SHARE, 2 * share.error):
             causes.setdefault(name, []).append((f"{_percent(share)} %", where))
     label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
     all_known = bool(usable(table, family).all())
-    return {"label": _capital(label), "all_known": all_known, "limits": limits, "causes": causes}
+    return {"label": capital(label), "all_known": all_known, "limits": limits, "causes": causes}
 
 
 def _by_joint(
     table: StudyTable, tables: Callable[[list[str]], list[Table]]
 ) -> list[tuple[str, list[Table]]]:
-    """Title of each family, and tables of its worst joint and of each joint."""
+    """Return the title of each family, and tables of its worst joint and of each joint."""
     return [
         (
-            _capital(metric_of(family).title),
+            capital(metric_of(family).title),
             tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
         )
         for family in families_there(table)
     ]
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _time(seconds: float) -> str:

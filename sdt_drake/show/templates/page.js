@@ -1,6 +1,6 @@
 "use strict";
 
-// Theme: as the system has it, until the button says otherwise.
+// Theme: that of the system, until the button is used.
 const root = document.documentElement;
 const theme = document.getElementById("theme");
 const systemDark = matchMedia("(prefers-color-scheme: dark)");
@@ -14,17 +14,17 @@ theme.addEventListener("click", () => {
 systemDark.addEventListener("change", nameTheme);
 nameTheme();
 
-// Claims by verdict, where there are any.
+// A filter of the claims by verdict, if there are claims.
 const claims = [...document.querySelectorAll(".claim")];
 if (claims.length) {
   const filter = document.createElement("div");
-  const told = document.createElement("p");
+  const shown = document.createElement("p");
   filter.className = "filter";
   filter.setAttribute("role", "group");
   filter.setAttribute("aria-label", "Claims shown");
-  told.className = "shown";
-  told.setAttribute("role", "status");
-  claims[0].before(filter, told);
+  shown.className = "shown";
+  shown.setAttribute("role", "status");
+  claims[0].before(filter, shown);
   for (const verdict of ["", ...new Set(claims.map((claim) => claim.dataset.verdict))]) {
     const chosen = claims.filter((claim) => !verdict || claim.dataset.verdict === verdict);
     const button = filter.appendChild(document.createElement("button"));
@@ -35,12 +35,12 @@ if (claims.length) {
     button.addEventListener("click", () => {
       for (const other of filter.children) other.setAttribute("aria-pressed", String(other === button));
       for (const claim of claims) claim.hidden = !chosen.includes(claim);
-      told.textContent = `${chosen.length} of ${claims.length} claims shown`;
+      shown.textContent = `${chosen.length} of ${claims.length} claims shown`;
     });
   }
 }
 
-// The 3D recording, a page of its own: only when it is wanted, as it takes a while to draw.
+// The 3D recording is a page of its own, loaded by a click, as drawing it takes a while.
 const load = document.querySelector(".recording button");
 if (load) {
   load.hidden = false;

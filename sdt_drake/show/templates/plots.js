@@ -1,4 +1,4 @@
-// Plots that can be zoomed and read off, by uPlot. Those with the same ends of x go together.
+// Interactive plots by uPlot. Plots with the same ends of x are zoomed together.
 {
   const dashes = { "-": [], "--": [8, 4], "-.": [8, 3, 2, 3], ":": [2, 3] };
   const short = (value) => (value == null ? "–" : String(Number(value.toPrecision(5))));
@@ -80,7 +80,7 @@
     const bar = figure.appendChild(document.createElement("div"));
     const grid = figure.appendChild(document.createElement("div"));
     bar.className = "bar";
-    bar.appendChild(document.createElement("span")).textContent = "draw across a plot to zoom, click twice for all";
+    bar.appendChild(document.createElement("span")).textContent = "drag across a plot to zoom, double-click for everything";
     grid.className = "grid";
     const charts = panels.map((panel) => draw(grid.appendChild(document.createElement("div")), panel, arrays));
     for (const [text, factor, shift] of [["+", 0.5, 0], ["−", 2, 0], ["◀", 1, -0.25], ["▶", 1, 0.25], ["all", Infinity, 0]]) {
@@ -95,7 +95,7 @@
     }
   }
   const fit = () => { for (const [place, chart] of all) chart.setSize({ width: width(place), height: 230 }); };
-  fit(); // the first of a grid took all of its width
+  fit(); // the first plot of a grid had the whole width
   addEventListener("resize", fit);
   addEventListener("beforeprint", () => { for (const [, chart] of all) chart.setSize({ width: 330, height: 180 }); });
   addEventListener("afterprint", fit);

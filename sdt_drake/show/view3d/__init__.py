@@ -1,1 +1,1 @@
-"""The device in 3D, in Meshcat."""
+"""Robots and motions in 3D, in Meshcat."""

@@ -1,4 +1,4 @@
-"""A robot by itself in 3D: joints to turn, axes, masses; live, and as a page without a network."""
+"""A robot in 3D with sliders, axes and masses: live in Meshcat, and as an offline page."""
 
 from __future__ import annotations
 
@@ -24,39 +24,35 @@ from sdt_drake.show.view3d.viewer import freeing_meshcat, in_browser, open_meshc
 from sdt_drake.systems.skeleton import arrow, bones
 
 MASS = (0.85, 0.25, 0.1)
-"""Colour of centres of mass and of ellipsoids of inertia, RGB in 0..1."""
+"""Colour of centres of mass and ellipsoids of inertia, RGB in 0..1."""
 
-_AXES, _MASSES = "axes", "masses"  # of the scene
-_TURNED = np.pi / 2  # of each joint alone, for the camera to see it there [rad]
+_AXES, _MASSES = "axes", "masses"  # paths of the scene
+_TURNED = np.pi / 2  # angle of a single joint that the camera must show, too [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link that moves, with all joints at 0.
-
-    Attributes:
-        name: of the link.
-        path: of it in the scene.
-        joint: that moves it, from 0, the last one on the way to it.
-        pose: in the world.
-        mass: [kg].
-        centre: of mass, in the link [m], shape (3,).
-        semi_axes: of the ellipsoid of even density that has its inertia [m], shape (3,).
-        turned: from those axes to the link.
-    """
+    """A moving link, with all joints at 0."""
 
     name: str
     path: str
+    """The path in the scene."""
     joint: int
+    """The last joint before the link, counted from 0."""
     pose: RigidTransform
+    """The pose in the world."""
     mass: float
+    """The mass [kg]."""
     centre: Array
+    """The centre of mass, in the link [m], shape (3,)."""
     semi_axes: Array
+    """The semi-axes of the homogeneous ellipsoid with the link's inertia [m], shape (3,)."""
     turned: RotationMatrix
+    """The rotation from the ellipsoid's axes to the link."""
 
 
 def moving_links(robot: Robot) -> list[Link]:
-    """All links that move, base to tip."""
+    """Return all moving links, base to tip."""
     plant, context = robot.plant, robot.context_at_zero()
     return [
         _link(body, k, plant.EvalBodyPoseInWorld(context, body))
@@ -66,7 +62,7 @@ def moving_links(robot: Robot) -> list[Link]:
 
 
 def _link(body: RigidBody, joint: int, pose: RigidTransform) -> Link:
-    """A body; second moments of mass of an ellipsoid are m a² / 5."""
+    """Describe a body. The second moments of mass of an ellipsoid are m a² / 5."""
     mass, centre, central = parts_of(body) if body.default_mass() > 0 else _NOTHING
     second, axes = np.linalg.eigh(np.trace(central) / 2 * np.eye(3) - central)
     if np.linalg.det(axes) < 0:
@@ -84,15 +80,13 @@ _NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))
 
 
 def sentence(robot: Robot, links: Sequence[Link]) -> str:
-    """What a robot is, in a sentence."""
+    """Return a sentence with the robot's joints and moving mass."""
     mass = sum(link.mass for link in links)
-    return (
-        f"{robot.name}: {joint_count(robot.n)} {'turn' if robot.n > 1 else 'turns'} {mass:.5g} kg"
-    )
+    return f"{robot.name}: {joint_count(robot.n)}, {mass:.5g} kg of moving links"
 
 
 def joint_table(robot: Robot) -> Table:
-    """Limits of each joint, and its motor."""
+    """Make the table of the joints' limits and motors."""
     lower, upper = np.degrees(robot.position_lower), np.degrees(robot.position_upper)
     rows = [
         (
@@ -113,7 +107,7 @@ def joint_table(robot: Robot) -> Table:
 
 
 def link_table(links: Sequence[Link]) -> Table:
-    """Mass, centre of mass and ellipsoid of inertia of each link."""
+    """Make the table of the links' masses, centres of mass and ellipsoids of inertia."""
     rows = [
         (
             link.name,
@@ -136,13 +130,13 @@ def _or_any(limit: float) -> str:
 
 
 class RobotScene:
-    """A robot in a Meshcat that can be put at any angles, with its axes and masses.
+    """A robot in Meshcat at any joint angles, with its axes and masses.
 
     Attributes:
-        scene: of the robot.
-        links: that move.
-        marks: poses in the world at 0 of what is drawn beside the shapes, by path, with the joint
-            that moves it, from 0.
+        scene: the scene of the robot.
+        links: the moving links.
+        marks: drawn axes and masses by path: the joint that moves each, from 0, and its pose in the
+            world with all joints at 0.
     """
 
     def __init__(self, robot: Robot, meshcat: Meshcat) -> None:
@@ -177,7 +171,7 @@ class RobotScene:
                 self.marks[path] = k, pose
 
     def place(self, q: Array) -> None:
-        """Put the joints at these angles [rad], shape (n,)."""
+        """Move the joints to these angles [rad], shape (n,)."""
         self.scene.place(q)
         plant = self.robot.plant
         context = plant.CreateDefaultContext()
@@ -192,8 +186,11 @@ class RobotScene:
         for path, (joint, pose) in self.marks.items():
             self.scene.meshcat.SetTransform(path, moved[joint] @ pose)
 
-    def told(self) -> dict[str, object]:
-        """Joints [deg, m] and what they move, for the page to turn: axes and poses at 0."""
+    def data(self) -> dict[str, object]:
+        """Return the data of the page's script: joints [deg, m], and poses of moving objects at 0.
+
+        Axes and origins of the joints are in the world.
+        """
         places = [self.robot.joint_at_zero(name) for name in self.robot.joint_names]
         low, high = self.ranges()
         moved = [(link.path, link.joint, link.pose) for link in self.links]
@@ -215,14 +212,17 @@ class RobotScene:
         }  # fmt: skip
 
     def ranges(self) -> tuple[Array, Array]:
-        """Least and largest angle of the sliders [rad], shape (n,): of a turn, within the stops."""
+        """Return the least and the largest angle of the sliders [rad], shape (n,).
+
+        A joint without stops has a whole turn.
+        """
         low, high = self.robot.position_lower, self.robot.position_upper
         return np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
 
 
 @freeing_meshcat()
 def robot_page(robot: Robot) -> str:
-    """The text of the page that `robot_html` writes."""
+    """Return the text of the page that `robot_html` writes."""
     meshcat = open_meshcat()
     shown = RobotScene(robot, meshcat)
     overlay = render_html(
@@ -233,7 +233,7 @@ def robot_page(robot: Robot) -> str:
         accepted=robot.accepted,
         left_out=drawable(robot)[1],
         tables=[joint_table(robot), link_table(shown.links)],
-        told=shown.told(),
+        data=shown.data(),
         axes=[_AXES] if shown.scene.has_shapes else [],
         masses=_MASSES,
         eye=in_browser(shown.scene.eye),
@@ -246,7 +246,7 @@ def robot_page(robot: Robot) -> str:
 
 
 def robot_html(robot: Robot, path: Path) -> None:
-    """Write a page that shows a robot, with sliders for its joints and tables of its numbers.
+    """Write a page that shows a robot, with sliders for its joints and tables of its data.
 
     Raises:
         InputError: if its shapes cannot be drawn, or the file cannot be written.
@@ -260,18 +260,18 @@ def show_robot(
 ) -> None:
     """Show a robot in a browser with Drake's sliders for its joints, until Ctrl-C.
 
-    Its masses are hidden, and shown by Meshcat's own list of the scene.
+    Masses are hidden at first; Meshcat's list of the scene shows them.
 
     Args:
-        robot: drawn as its file draws it.
-        port: of the server on this machine; by default the first free one from 7000 on.
-        once: return when it is drawn.
-        announce: called with the address of the page.
+        robot: the robot, with the shapes of its file.
+        port: port of the server on this machine; by default the first free one from 7000 on.
+        once: return when the robot is drawn.
+        announce: function that is called with the address of the page.
     """
     meshcat = open_meshcat(port)
     shown = RobotScene(robot, meshcat)
     shown.scene.overview()
-    meshcat.SetProperty(f"/{_MASSES}", "visible", False)  # until they are asked for
+    meshcat.SetProperty(f"/{_MASSES}", "visible", False)
     low, high = shown.ranges()
     sliders = JointSliders(
         meshcat, robot.plant, initial_value=shown.start, lower_limit=low, upper_limit=high,
@@ -282,9 +282,9 @@ def show_robot(
         announce(meshcat.web_url())
         q = shown.start
         while True:
-            wanted = np.asarray(sliders.get_output_port().Eval(context), dtype=float)
-            if not np.array_equal(wanted, q):
-                shown.place(q := wanted)
+            chosen = np.asarray(sliders.get_output_port().Eval(context), dtype=float)
+            if not np.array_equal(chosen, q):
+                shown.place(q := chosen)
                 meshcat.Flush()
             if once:
                 return

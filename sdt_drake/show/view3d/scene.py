@@ -1,4 +1,4 @@
-"""What a motion looks like: pictures of it, and a scene in Meshcat that shows them."""
+"""Pictures of a motion, and a scene in Meshcat that shows them."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from sdt_drake.systems.robot_drawing import add_robot_drawing
 FRAME_RATE = 30.0
 """Pictures per second of motion [1/s]; the browser interpolates between them."""
 
-LONGEST = 3600.0
-"""Of the motions that are shown [s]: all pictures are in memory, and in the page."""
+MAX_DURATION = 3600.0
+"""Longest motion that can be shown [s]; memory and page contain all its pictures."""
 
-LARGEST = 1000.0
-"""How far shapes may be from the origin of the world [m]: lines on the floor are 1 m apart."""
+MAX_REACH = 1000.0
+"""Largest distance of shapes from the world's origin [m]; lines on the floor are 1 m apart."""
 
 METRES_PER_G = 0.7
 """Length of the arrow for 1 g of specific force [m]."""
@@ -37,53 +37,50 @@ ARROW, TRACE, FELT = (0.84, 0.15, 0.35), (0.0, 0.55, 0.45), (0.45, 0.2, 0.75)
 """Colours of specific force, path and felt attitude of the head, RGB in 0..1."""
 
 FELT_MODEL = "clark2019"
-"""The gain set that predicts what is felt, in all pictures."""
+"""The parameter set that predicts felt attitude in all pictures."""
 
 FIELD_OF_VIEW, WIDTH = 40.0, 1.3
-"""Of the camera that sees everything: field from bottom to top [deg], least width over height."""
+"""Vertical field [deg] and smallest width over height of the camera that sees everything."""
 
 PILOT_FIELD, PILOT_NEAR = 75.0, 0.3
-"""Of the pilot's view: field [deg]; nothing nearer is drawn [m], as the pilot's own neck."""
+"""Field of the pilot's view [deg], and the distance from which on it shows objects [m]."""
 
 _SHAFT_RADIUS, _TIP_RADIUS, _FLOOR = 0.025, 0.07, 0.02  # m
-_TIP = 0.25  # share of the arrow's length
+_TIP = 0.25  # length of the tip over that of the arrow
 _SKY, _HORIZON = [0.80, 0.87, 0.94], [0.97, 0.98, 0.99]  # RGB in 0..1
-_FROM = np.array([5.0, -4.0, 3.0]) / np.sqrt(50)  # from where a camera looks, of length 1
+_FROM = np.array([5.0, -4.0, 3.0]) / np.sqrt(50)  # unit vector from the target to the camera
 _CAMERA = "/Cameras/default/rotated/<object>"
 _HEAD_PATH, _ARROW_PATH, _FELT_PATH = "/head", "/arrow", "/felt"
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The pictures of a motion, one after the other.
-
-    Attributes:
-        time: k / FRAME_RATE from the start of the motion [s], shape (F,).
-        q: joint angles, joint side [rad], shape (F, n).
-        head: motion of the pilot's head; None for a robot without a head frame.
-        felt: predicted of it; None where it cannot be, as of one that is weightless.
-    """
+    """The pictures of a motion."""
 
     time: Array
+    """Time from the start of the motion [s], k / FRAME_RATE, shape (F,)."""
     q: Array
+    """Joint angles, joint side [rad], shape (F, n)."""
     head: HeadMotion | None = None
+    """Motion of the pilot's head; None for a robot without a head frame."""
     felt: Percept | None = None
+    """Predicted percept; None if there is no prediction, as for weightlessness."""
 
 
 def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
-    """The pictures of a motion, and what the head does in them.
+    """Make the pictures of a motion, with motion and percept of the pilot's head.
 
     Args:
-        robot: whose joints these are.
-        time: in equal steps [s], shape (N,), N >= 3.
+        robot: the robot.
+        time: samples in equal steps [s], shape (N,), N >= 3.
         q: joint angles, joint side [rad], shape (N, n).
 
     Raises:
-        InputError: as in `check_angles`.
+        InputError: as for `check_angles`.
     """
     time, q = np.asarray(time, dtype=float), np.asarray(q, dtype=float)
     check_angles(robot, time, q)
-    # A motion that ends on a picture has it, though time steps are not exact in binary.
+    # Add 1e-6: a motion that ends on a picture has it, in spite of binary round-off.
     count = int((time[-1] - time[0]) * FRAME_RATE + 1e-6) + 1
     at = np.arange(count) / FRAME_RATE
     t = at + time[0]
@@ -101,11 +98,13 @@ def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
 
 
 def felt_rotation(rotation: Array, gravity: Array) -> Array:
-    """From the head to the world as it is felt: the smallest turn that brings felt gravity down.
+    """Return the felt rotation from head to world, shape (N, 3, 3).
+
+    It differs from the true one by the smallest rotation that turns felt gravity downwards.
 
     Args:
-        rotation: from the head to the world, shape (N, 3, 3).
-        gravity: felt, in axes of the head, of length 1, shape (N, 3).
+        rotation: true rotation from head to world, shape (N, 3, 3).
+        gravity: felt direction of gravity in axes of the head, unit vectors, shape (N, 3).
     """
     from scipy.spatial.transform import Rotation
 
@@ -118,7 +117,7 @@ def felt_rotation(rotation: Array, gravity: Array) -> Array:
 
 
 def check_angles(robot: Robot, time: Array, q: Array) -> None:
-    """Refuse a motion that cannot be shown; arguments as in `make_frames`.
+    """Check that a motion can be shown; arguments as in `make_frames`.
 
     Raises:
         InputError: if shapes do not fit, a value is not finite, or the motion is too long.
@@ -134,38 +133,39 @@ def check_angles(robot: Robot, time: Array, q: Array) -> None:
 
 
 def check_duration(duration: float) -> None:
-    """Refuse a motion [s] that is too long to show.
+    """Check that a motion of this duration [s] can be shown.
 
     Raises:
-        InputError: naming its duration.
+        InputError: if it is too long.
     """
-    if not duration <= LONGEST:
-        raise InputError(f"lasts {duration:g} s, expected at most {LONGEST:g} s to show")
+    if not duration <= MAX_DURATION:
+        raise InputError(f"lasts {duration:g} s, expected at most {MAX_DURATION:g} s to show")
 
 
 # --- the scene ------------------------------------------------------------------------------------
 
 
 class Scene:
-    """A robot, its head's trace and its specific force in a Meshcat.
+    """A robot with the trace of its head and the specific force, in Meshcat.
 
     Args:
-        robot: drawn as its **file** draws it; changes in memory are not seen.
-        frames: what is going to be shown: the trace, and how far the floor and the camera are.
-        meshcat: to draw in; emptied first.
+        robot: the robot, with the shapes of its **file**; changes in memory are not drawn.
+        frames: all pictures that will be shown; trace, floor and camera depend on them.
+        meshcat: the Meshcat to draw in; it is emptied first.
 
     Attributes:
-        has_shapes: whether the file draws a link that moves.
-        eye, target: from where a camera sees everything, and what it looks at, in the world [m].
+        has_shapes: True if the file has a shape of a moving link.
+        eye: position from which the camera sees everything, in the world [m].
+        target: point that the camera looks at, in the world [m].
 
     Raises:
-        InputError: if Drake cannot draw a shape of the file, or they reach too far.
+        InputError: if Drake cannot draw a shape of the file, or a shape is too far away.
     """
 
     def __init__(self, robot: Robot, frames: Frames, meshcat: Meshcat) -> None:
         self.meshcat, self.frames = meshcat, frames
         meshcat.Delete()
-        try:  # what is wrong with shapes shows here: `load_robot` reads none
+        try:  # bad shapes are found here, as `load_robot` reads none
             builder = DiagramBuilder()
             plant, scene_graph, self.has_shapes = add_robot_drawing(
                 builder, robot=robot, meshcat=meshcat
@@ -175,7 +175,7 @@ class Scene:
             reached = _reached(robot, plant, scene_graph, frames)
         except InputError:
             raise
-        except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
+        except (Exception, SystemExit) as error:  # Drake refuses a radius by SystemExit
             reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", one_line(error))
             raise InputError(
                 f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is "
@@ -193,7 +193,7 @@ class Scene:
         self.show(0)
 
     def show(self, k: int, *, record: bool = False) -> None:
-        """Picture k; into the recording that is running, if `record`."""
+        """Show picture k, or, with `record`, add it to the running recording."""
         frames, head = self.frames, self.frames.head
         at = frames.time[k] if record else None
         self._context.SetTime(frames.time[k])
@@ -210,21 +210,21 @@ class Scene:
             self.meshcat.SetTransform(_FELT_PATH, felt, at)
 
     def place(self, q: Array) -> None:
-        """The robot alone, at these angles of its joints [rad], shape (n,)."""
+        """Draw the robot alone at these joint angles [rad], shape (n,)."""
         state = np.concatenate([q, np.zeros_like(q)])
         self._drawing.get_input_port().FixValue(self._context, state)
         self._drawing.ForcedPublish(self._context)
 
     def overview(self) -> None:
-        """The camera where it sees everything."""
+        """Move the camera to where it sees everything."""
         self.meshcat.SetProperty(_CAMERA, "fov", FIELD_OF_VIEW)
         self.meshcat.SetCameraPose(self.eye, self.target)
 
     def pilot_view(self, k: int) -> None:
-        """The camera where the head is in picture k, looking forward, turning with it."""
+        """Move the camera to the head of picture k, looking forward."""
         head = self.frames.head
         assert head is not None, "for a robot with a head"
-        self.meshcat.SetProperty(_FELT_PATH, "visible", False)  # it is around the camera
+        self.meshcat.SetProperty(_FELT_PATH, "visible", False)  # it encloses the camera
         eye, (x, _, z) = head.position[k], head.rotation[k].T
         self.meshcat.SetCameraPose(eye, eye + x)
         # Meshcat keeps its camera upright, by a vector `up` with y upwards: that can roll it.
@@ -235,7 +235,7 @@ class Scene:
 
 
 def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, float]:
-    """Pose of the arrow of a specific force [m/s²], with z along it; and how long it is [m]."""
+    """Return pose and length [m] of the arrow of a specific force [m/s²]; z is along the arrow."""
     size = float(np.linalg.norm(specific_force))
     if size < 1e-6:  # in free fall there is no direction
         return RigidTransform(position), 0.0
@@ -244,8 +244,11 @@ def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, 
 
 
 def _reached(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph, frames: Frames) -> Array:
-    """Corners of the visuals in some 60 of the pictures, and the head and the ends of its arrow in
-    all of them, in the world [m], shape (3, M)."""
+    """Return points that the camera must see, in the world [m], shape (3, M).
+
+    They are the corners of the shapes in about 60 pictures, and the head and the tip of its arrow
+    in all pictures.
+    """
     inspector = scene_graph.model_inspector()
     corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
     boxes = []
@@ -263,17 +266,20 @@ def _reached(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph, frame
         plant.SetPositions(own, row)
         points += [plant.EvalBodyPoseInWorld(own, body).multiply(local) for body, local in boxes]
     cloud = np.hstack(points)
-    if not np.all(np.abs(cloud) <= LARGEST):
+    if not np.all(np.abs(cloud) <= MAX_REACH):
         raise InputError(
             f"{robot.path}: reaches {np.abs(cloud).max():g} m from the world's origin, expected at "
-            f"most {LARGEST:g} m to show"
+            f"most {MAX_REACH:g} m to show"
         )
     return cloud
 
 
 def _distance(points: Array) -> float:
-    """How far a camera that looks along -_FROM is from its target [m], so that it sees these points
-    around the target [m], shape (3, M)."""
+    """Return the distance of the camera from its target [m] at which it sees all points.
+
+    Args:
+        points: points relative to the target [m], shape (3, M).
+    """
     right = np.array([-_FROM[1], _FROM[0], 0.0]) / np.hypot(_FROM[0], _FROM[1])
     up = np.cross(_FROM, right)
     beside = np.maximum(np.abs(right @ points) / WIDTH, np.abs(up @ points))
@@ -281,7 +287,7 @@ def _distance(points: Array) -> float:
 
 
 def _draw_surroundings(meshcat: Meshcat, low: Array, high: Array) -> None:
-    """Sky, a floor under the lowest part, and lines 1 m apart on it."""
+    """Draw the sky, and a floor below the lowest point with lines every metre."""
     for path in ("/Axes", "/Grid"):
         meshcat.SetProperty(path, "visible", False)
     meshcat.SetProperty("/Background/<object>", "top_color", _SKY)
@@ -298,8 +304,8 @@ def _draw_surroundings(meshcat: Meshcat, low: Array, high: Array) -> None:
 
 
 def _light(meshcat: Meshcat, radius: float) -> None:
-    """One lamp from above that throws shadows within `radius` [m] of the middle."""
-    for lamp in ("PointLightNegativeX", "PointLightPositiveX"):  # these stand within the device
+    """Add a lamp from above that casts shadows within `radius` [m] of the origin."""
+    for lamp in ("PointLightNegativeX", "PointLightPositiveX"):  # within the device
         meshcat.SetProperty(f"/Lights/{lamp}", "visible", False)
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.6)
     values: dict[str, Any] = {"intensity": 2.2, "position": [4.0, -7.0, 14.0]}
@@ -312,25 +318,25 @@ def _light(meshcat: Meshcat, radius: float) -> None:
 
 
 def _draw_head(meshcat: Meshcat, position: Array) -> None:
-    """The trace, and an arrow of 1 m along z that is stretched later."""
+    """Draw the trace, and an arrow of 1 m along z that `Scene.show` scales."""
     meshcat.SetLine("/trace", position.T, 3.0, Rgba(*TRACE))
     unit = f"{_ARROW_PATH}/unit"
     meshcat.SetObject(f"{unit}/shaft", Cylinder(_SHAFT_RADIUS, 1 - _TIP), Rgba(*ARROW))
     meshcat.SetTransform(f"{unit}/shaft", RigidTransform(np.array([0.0, 0.0, (1 - _TIP) / 2])))
-    # A cone of Meshcat has its point at the origin and opens along +z.
+    # A Meshcat cone has its apex at the origin and opens along +z.
     meshcat.SetObject(f"{unit}/tip", MeshcatCone(_TIP, _TIP_RADIUS, _TIP_RADIUS), Rgba(*ARROW))
     flip = RotationMatrix.MakeXRotation(np.pi)
     meshcat.SetTransform(f"{unit}/tip", RigidTransform(flip, np.array([0.0, 0.0, 1.0])))
 
 
 def _draw_felt(meshcat: Meshcat) -> None:
-    """A translucent head that looks along x, in a disc that is level with it."""
+    """Draw a translucent head that looks along x, within a horizontal disc."""
     colour = Rgba(*FELT, 0.45)
     meshcat.SetObject(f"{_FELT_PATH}/head", Ellipsoid(0.16, 0.13, 0.2), colour)
     meshcat.SetObject(f"{_FELT_PATH}/level", Cylinder(0.75, 0.01), Rgba(*FELT, 0.3))
     meshcat.SetObject(f"{_FELT_PATH}/forward", MeshcatCone(0.3, 0.07, 0.07), colour)
-    # The point of the cone, where its origin is, lies 0.95 m ahead; it opens backward.
+    # The apex of the cone, its origin, is 0.95 m ahead; the cone opens backwards.
     ahead = RigidTransform(RotationMatrix.MakeYRotation(-np.pi / 2), np.array([0.95, 0.0, 0.0]))
     meshcat.SetTransform(f"{_FELT_PATH}/forward", ahead)
-    for part in ("head", "level", "forward"):  # before a canopy around it, which would hide it
+    for part in ("head", "level", "forward"):  # drawn before a canopy that would hide them
         meshcat.SetProperty(f"{_FELT_PATH}/{part}/<object>", "renderOrder", -1.0)

@@ -1,4 +1,4 @@
-"""The device in motion, in Meshcat: live, and as a web page that plays by itself."""
+"""Motions in 3D: live in Meshcat, and as a web page that plays offline."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from sdt_drake.show.view3d.scene import (
 )
 
 PAGES = (".html",)
-"""Kinds of files that pages are written as."""
+"""Suffixes of pages."""
 
 
 def record_html(
@@ -56,19 +56,19 @@ def record_html(
     pilot: bool = False,
     story: Story | None = None,
 ) -> None:
-    """Write a web page that plays the motion without a server or a network.
+    """Write a web page that plays a motion without a server or a network.
 
-    It also tells the angles of the joints, the G at the head, the attitude that the pilot is
-    predicted to feel, and which segments are going on.
+    The page also shows joint angles, G at the pilot's head, predicted felt attitude, and the
+    current segments.
 
     Args:
-        robot: drawn as its file draws it.
-        time: growing [s], shape (N,), N >= 3.
+        robot: the robot, with the shapes of its file.
+        time: increasing samples [s], shape (N,), N >= 3.
         q: joint angles, joint side [rad], shape (N, n).
-        path: ends in .html.
-        title: of the page; by default the robot's name.
-        pilot: start with the pilot's own view; a button changes it in either case.
-        story: what the motion is for, and its segments; its title goes before.
+        path: a file that ends in .html.
+        title: title of the page; by default the robot's name.
+        pilot: start with the pilot's view; a button of the page switches the view.
+        story: purpose and segments of the motion; its title replaces `title`.
 
     Raises:
         InputError: if the motion does not fit the robot, or the file cannot be written.
@@ -79,7 +79,7 @@ def record_html(
 
 
 class Animation:
-    """A motion in 3D: in a notebook it plays below the cell, without a server or a network."""
+    """A motion in 3D, which a notebook plays below the cell without a server or a network."""
 
     def __init__(self, page: str, title: str) -> None:
         self._page, self._title = page, title
@@ -88,7 +88,7 @@ class Animation:
         return f"<Animation {self._title}, {len(self._page.encode()) / 1e6:.1f} MB>"
 
     def _repr_html_(self) -> str:
-        """For notebooks."""
+        """Return the HTML that a notebook shows."""
         page, title = html.escape(self._page), html.escape(self._title)
         style = "width:100%;height:420px;border:0"
         return f'<iframe title="{title}" style="{style}" srcdoc="{page}"></iframe>'
@@ -98,7 +98,7 @@ class Animation:
         """Write the animation as a web page; see `record_html`.
 
         Raises:
-            InputError: if the path does not end in .html, or cannot be written.
+            InputError: if the path does not end in .html, or the file cannot be written.
         """
         write_text(checked_suffix(Path(path), PAGES), self._page)
 
@@ -107,15 +107,15 @@ class Animation:
 def view(
     design: Design | Scenario, recording: Recording | None = None, *, pilot: bool = False
 ) -> Animation:
-    """What a run does in 3D, or, without a recording of it, the motion that is asked for.
+    """Show a run in 3D, or, without a recording, the planned motion.
 
     Args:
-        design: of the run, or its scenario.
-        recording: of it.
-        pilot: start with the pilot's own view.
+        design: the design or scenario of the run.
+        recording: the recording of the run.
+        pilot: start with the pilot's view.
 
     Raises:
-        InputError: if there is no pilot, or the motion is too long.
+        InputError: if the robot has no pilot's head, or the motion is too long.
     """
     design = as_design(design)
     motion, title = design.motion, design.scenario.name
@@ -125,10 +125,10 @@ def view(
 
 @contextmanager
 def freeing_meshcat() -> Iterator[None]:
-    """For a function that draws in a Meshcat of its own.
+    """Collect garbage after a function that draws in a Meshcat of its own.
 
-    Drake's diagrams are cycles, which wait for the collector of garbage; if that came by in another
-    thread, the Meshcat in them would end the process.
+    Drake's diagrams are reference cycles. If the collector freed them in another thread, their
+    Meshcat would end the process.
     """
     try:
         yield
@@ -146,7 +146,7 @@ def recorded_page(
     pilot: bool = False,
     story: Story | None = None,
 ) -> str:
-    """The text of the page that `record_html` writes."""
+    """Return the text of the page that `record_html` writes."""
     if pilot:
         check_head(robot)
     story = story or Story()
@@ -165,7 +165,7 @@ def recorded_page(
         title=title,
         feels=story.feels,
         predicted=_predicted(frames, story),
-        told=_told(robot, frames, story),
+        data=_page_data(robot, frames, story),
         pilot=pilot,
         has_head=frames.head is not None,
         metres=METRES_PER_G,
@@ -186,12 +186,12 @@ def recorded_page(
 
 
 def titled(page: str, title: str) -> str:
-    """Meshcat's page under another title."""
+    """Return Meshcat's page with another title."""
     return page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
 
 
-def _told(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
-    """What the page tells: angles [deg] and G at the head of each picture; segments."""
+def _page_data(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
+    """Return the data of the page's script: angles [deg] and G of each picture, and segments."""
     return {
         "rate": FRAME_RATE,
         "names": numbered(robot.joint_names),
@@ -203,17 +203,17 @@ def _told(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
 
 
 def _attitudes(frames: Frames) -> list[list[float]]:
-    """Felt and true roll, felt and true pitch of each picture [deg]."""
+    """Return felt and true roll, then felt and true pitch, of each picture [deg]."""
     if frames.head is None or frames.felt is None:
         return []
     roll, pitch = true_attitude(frames.head)
     both = np.degrees([frames.felt.roll, roll, frames.felt.pitch, pitch])
-    told: list[list[float]] = both.T.round(1).tolist()
-    return told
+    rows: list[list[float]] = both.T.round(1).tolist()
+    return rows
 
 
 def _predicted(frames: Frames, story: Story) -> str:
-    """Whether the illusion that is meant is predicted, in a sentence; "" where none is known."""
+    """Return if the intended illusion is predicted, as a sentence; "" without one."""
     if frames.head is None or frames.felt is None or story.illusion is None:
         return ""
     felt = {FELT_MODEL: frames.felt}
@@ -221,7 +221,7 @@ def _predicted(frames: Frames, story: Story) -> str:
 
 
 def in_browser(place: Array) -> str:
-    """A place [m] as Meshcat's page has it, with y upwards."""
+    """Return a place [m] in the axes of Meshcat's page, where y is up."""
     x, y, z = place
     return f"{x:.6g}, {z:.6g}, {-y:.6g}"
 
@@ -234,7 +234,7 @@ def _css(colour: tuple[float, ...]) -> str:
 
 
 def open_meshcat(port: int | None = None) -> Meshcat:
-    """A Meshcat server that only this machine reaches.
+    """Start a Meshcat server that only this machine can reach.
 
     Args:
         port: 1024 to 65535; by default the first free one from 7000 on.
@@ -246,7 +246,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
     except RuntimeError:
         used = f"{port} is in use" if port else "none from 7000 on is free"
-        raise InputError(f"port: {used}, choose another one") from None
+        raise InputError(f"port: {used}, expected a free one") from None
 
 
 @freeing_meshcat()
@@ -261,18 +261,20 @@ def play(
     once: bool = False,
     announce: Callable[[str], None] = print,
 ) -> None:
-    """Show the motion in a browser, again and again, until Ctrl-C.
+    """Play a motion in a browser repeatedly, until Ctrl-C.
 
     Args:
-        robot, time, q: as in `record_html`.
-        rate: 1 for real time, 2 for twice as fast [-].
-        pilot: with the camera at the head, looking forward.
-        port: of the server on this machine; by default the first free one from 7000 on.
+        robot: the robot, with the shapes of its file.
+        time: increasing samples [s], shape (N,), N >= 3.
+        q: joint angles, joint side [rad], shape (N, n).
+        rate: 1 for real time, 2 for twice the speed [-].
+        pilot: show the pilot's view.
+        port: port of the server on this machine; by default the first free one from 7000 on.
         once: return at the end of the motion.
-        announce: called with the address of the page, before the motion starts.
+        announce: function that is called with the address of the page, before the motion starts.
 
     Raises:
-        InputError: if the motion does not fit the robot, or there is no port.
+        InputError: if the motion does not fit the robot, or no port is free.
     """
     if pilot:
         check_head(robot)
@@ -291,7 +293,7 @@ def play(
 
 
 def _run_once(scene: Scene, rate: float, pilot: bool) -> None:
-    """Every picture at its time; those that it is too late for are left out."""
+    """Show every picture at its time, without those that are already too late."""
     frames, start = scene.frames, clock.perf_counter()
     k, last = -1, len(scene.frames.time) - 1
     while k < last:
