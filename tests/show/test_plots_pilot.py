@@ -40,9 +40,9 @@ def test_panels_show_what_changes_and_the_error(design, robot):
             rate = np.degrees(motion.angular_velocity[:, k])
             np.testing.assert_array_equal(rotation[label][:, 1], rate)
         told = np.degrees(canals(head.achieved.angular_velocity[:, k], PERIOD))
-        np.testing.assert_array_equal(rotation["what the canals tell (achieved)"][:, 1], told)
+        np.testing.assert_array_equal(rotation["sensed by the canals (achieved)"][:, 1], told)
     shown = lines_of(error)
-    np.testing.assert_array_equal(shown["just felt"][:, 1], 1)
+    np.testing.assert_array_equal(shown["threshold: just felt"][:, 1], 1)
     assert len([name for name in shown if name.startswith("error, ")]) == 2
     for kind in (slice(0, 3), slice(3, 6)):
         k = kind.start + int(head.felt.largest[kind].argmax())
@@ -78,7 +78,7 @@ def test_only_what_changes_is_shown_and_segments_have_names(robot):
     title = error.figure.get_suptitle().splitlines()
     assert title[:2] == ["Spin", "To be felt: It stops."] and "force along z, up" in title[2]
     assert "%" not in "".join(title)
-    assert error.get_title(loc="right") == "never felt: at most 0 of what is just felt"
+    assert error.get_title(loc="right") == "never felt: at most 0 times the threshold"
     names = [(text.get_text(), text.get_position()[0]) for text in band.texts]
     # Within the segment, behind one that is too short, and over both where that is not enough.
     assert names[:3] == [(" to 1 deg/s", 0), (" hold", 2), (" to 0 deg/s", 7.5)]

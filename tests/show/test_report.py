@@ -345,9 +345,9 @@ def test_sentences_say_what_the_runs_say(report, content):
     of = {entry["controller"]: entry for entry in content["beyond"]}
     drift = math.degrees(max(of["pi"]["max_abs_position_error"]))
     kept = math.degrees(max(of["p_pi+id"]["max_abs_position_error"]))
-    assert f"drifts by up to {drift:.1f} deg" in report and f"within {kept:.3f} deg" in report
+    assert f"drifts by up to {drift:.1f} deg" in report and f"below {kept:.3f} deg" in report
     gains = np.divide(of["pi"]["rms_speed_error"], of["pi_id"]["rms_speed_error"])
-    assert f"{gains.min():.0f} to {gains.max():.0f} times less RMS speed error" in report
+    assert f"RMS speed error {gains.min():.0f} to {gains.max():.0f} times smaller" in report
     for label in ("pi", "pi_ctc", "p_pi", "p_pi+ctc", "p_pi+id"):
         assert f"{100 * of[label]['felt']['share']:.1f} %" in report
     for label in ("pi", "pi_ctc"):

@@ -64,7 +64,7 @@ def test_the_page_turns_the_joints_as_drake_does(own, open_page, tmp_path):
         assert errors == [] and requests == []
     drawn = [np.reshape(matrix, (4, 4)).T for matrix in shown]
     np.testing.assert_allclose(drawn, poses(own, q, ["link_3", "link_7"]), atol=1e-6)
-    assert "seven: 7 joints turn 16.08 kg." in text
+    assert "seven: 7 joints, 16.08 kg of moving links." in text
     assert "link 'link_4': mesh none.obj is missing" in text
 
 
@@ -72,7 +72,7 @@ def test_numbers_of_the_rate_table(tmp_path):
     (tmp_path / "own.urdf").write_text(RATE_TABLE, encoding="utf-8")
     robot = load_robot(tmp_path / "own.urdf")
     links = moving_links(robot)
-    assert sentence(robot, links) == "rate_table: 3 joints turn 325 kg"
+    assert sentence(robot, links) == "rate_table: 3 joints, 325 kg of moving links"
     rows = joint_table(robot).rows
     assert rows[0] == ("1 outer_axis", "continuous", "any", "401.1", "900", "1", "0")
     # Second moments of the outer link: (28 + 34 - 22) / 2 = 20, 14 and 8 kg m²; m a² / 5.

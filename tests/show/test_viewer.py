@@ -180,7 +180,7 @@ def test_page_shows_felt_beside_true_attitude(page, robot):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     felt, head = frames.felt, frames.head
     true = np.degrees(true_attitude(head))
-    assert "attitude as it is felt" in page.inner_text("#sdt-legend")
+    assert "felt attitude" in page.inner_text("#sdt-legend")
     legend = page.inner_text("#sdt-legend")
     assert CAUTION in legend
     assert "A <b> lean. clark2019 does not predict the illusion: yaw rate felt at" in legend

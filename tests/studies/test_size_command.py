@@ -68,8 +68,8 @@ def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     text = (folder / "report.md").read_text(encoding="utf-8")
     assert text.split("\n\n")[1] == (
         "**AC-203, TM-3950, TM-1430, TM-716: 325 kg of motors are enough, with pi_id.** It is the "
-        "lightest set that keeps all requirements in short: 1 of 2 do, and those that are lighter "
-        "(1) miss, most often first: torque used of joint 2."
+        "lightest set that meets all requirements in short; 1 of 2 sets do. Lighter sets (1) "
+        "miss, most often first: torque used of joint 2."
     )
     # 0.0059 rad/s of 0.01 that are allowed.
     assert "| 2 | TM-3950 | largest speed error | 0.0059 rad/s | 59 | 41 | short |" in text
@@ -102,10 +102,10 @@ def test_where_no_set_is_enough_the_page_says_what_stands_in_the_way(size, desk,
     assert size(weak)[0] == 0
     text = (desk / "own" / "report.md").read_text(encoding="utf-8")
     assert text.split("\n\n")[1] == (
-        "**No motor set of 1 keeps all requirements.** What stands in the way most often: with "
-        "pi_id, torque used of joint 2."
+        "**No motor set of 1 meets all requirements.** They miss most often: with pi_id, torque "
+        "used of joint 2."
     )
-    assert "Give stronger motors to choose from" in text and "```" not in text
+    assert "Offer stronger motors" in text and "```" not in text
 
 
 def test_bad_sizing(size, desk):
