@@ -1,4 +1,4 @@
-"""What a scenario's controller.file can name: a controller of one's own."""
+"""A controller of your own, in a file that a scenario names as controller.file."""
 
 from pydrake.systems.framework import LeafSystem
 

@@ -8,27 +8,27 @@ from sdt_drake.run.simulate import Recording
 
 
 def kind(label: str, **fields) -> dict:
-    """Fields of a controller, "p_pi" or "p_pi+id" with its feedforward."""
+    """Return the fields of a controller, "p_pi", or "p_pi+id" with its feedforward."""
     name, _, feedforward = label.partition("+")
     fields |= {"kind": name} | ({"feedforward": feedforward} if feedforward else {})
     return {f"controller.{field}": value for field, value in fields.items()}
 
 
 def weaker(design, share):
-    """With a share of its torque."""
+    """Return a design whose motors have a share of their torque."""
     device = design.nominal
     return replace(design, nominal=replace(device, effort_limit=share * device.effort_limit))
 
 
 def overruled(design, **parts):
-    """With computed parts that contradict the rest."""
+    """Return a design with computed parts that contradict the rest."""
     other = replace(design)
     vars(other).update(parts)
     return other
 
 
 def recorded(motion, **signals):
-    """A recording of a motion without any error or torque, but for the signals given."""
+    """Return a recording of a motion without errors or torques, but for the given signals."""
     signals = {"q": motion.q, "v": motion.v, "tau": 0 * motion.v} | signals
     signals = {"tau_limited": signals["tau"]} | signals
     given = {"time": motion.time, "q_ref": motion.q, "v_ref": motion.v} | signals

@@ -40,7 +40,7 @@ def make(designed):
 
 
 def inverse_dynamics(robot, motion):
-    """Of Drake with gravity and rotors, joint side, every hundredth sample."""
+    """Return Drake's inverse dynamics with rotors, joint side, of every hundredth sample."""
     plant, context, torques = robot.plant, robot.plant.CreateDefaultContext(), []
     for q, v, vd in zip(motion.q[::100], motion.v[::100], motion.vd[::100], strict=True):
         plant.SetPositionsAndVelocities(context, [*q, *v])
@@ -51,7 +51,7 @@ def inverse_dynamics(robot, motion):
 
 
 def link_inertia(robot, motion):
-    """Diagonal of the mass matrix without the rotors, at every sample."""
+    """Return the diagonal of the mass matrix without rotors at every sample."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     diagonals = []
     for q in motion.q:
