@@ -1,4 +1,4 @@
-"""What tests of the command line share: small files, and a command that runs in this process."""
+"""Small files for tests of commands, and fixtures that run a command in this process."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ from sdt_drake.io.resources import models_dir
 MODELS = models_dir()
 SDF = (MODELS / "sdt.sdf").read_text(encoding="utf-8")
 FIGURE = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
-JOINTS = ["1 planetary", "2 roll", "3 pitch", "4 yaw"]
-OMEGA_R = 65.991
 AXIS, RUN = "../given/short_axis.yaml", "../given/run.yaml"  # of 0.5 s
 SHORT_MOTION = "../given/short.yaml"
 WRITERS = {
@@ -35,7 +33,7 @@ WRITERS = {
     "stability": ([AXIS], "png"),
     "diagram": ([RUN], "dot"),
 }
-"""Of every command that computes something for --out: what it is about, and a suffix of --out."""
+"""Arguments and a suffix of --out, by commands that compute something for --out."""
 
 # 0.5 s of the four joints: joint 2 up to 0.5 rad/s and on, the others at rest.
 REST = "  - !Knots {knots: [[0, 0], [0.5, 0]]}\n"
@@ -83,7 +81,7 @@ joints:
 
 
 class Done(NamedTuple):
-    """What a command returned and printed."""
+    """The result of a command: exit code, stdout, stderr."""
 
     code: int
     out: str
@@ -114,7 +112,7 @@ def call(capfd):
 
 @pytest.fixture
 def good(call):
-    """Run a command that must succeed and say nothing on stderr; what it printed."""
+    """Run a command that must succeed and print nothing on stderr."""
 
     def run(*arguments) -> Done:
         done = call(*arguments)
@@ -143,7 +141,7 @@ def desk(tmp_path, monkeypatch):
 
 @pytest.fixture
 def given(desk):
-    """Writes a file into the folder of what is given; its path from the working directory."""
+    """Write a file into `../given` and return its path."""
 
     def write(name: str, text: str) -> str:
         (desk.parent / "given" / name).write_text(text, encoding="utf-8")
@@ -154,7 +152,7 @@ def given(desk):
 
 @pytest.fixture
 def coarse(monkeypatch):
-    """Makes sweeps of stability go over a few ratios alone."""
+    """Make sweeps of stability use a few ratios only."""
 
     def sweep(*ratios) -> None:
         few = functools.partial(stability.stability_sweep, ratios=ratios)
@@ -165,9 +163,9 @@ def coarse(monkeypatch):
 
 @pytest.fixture
 def refuse(call, desk):
-    """Run a command that must be refused with one line and write nothing; that line.
+    """Run a command that must fail with one line and write nothing, and return that line.
 
-    If `late`, it may have printed something before.
+    If `late`, it may print something before.
     """
 
     def run(*arguments, saying=(), late=False) -> str:
@@ -199,7 +197,7 @@ def snapshot(folder) -> dict:
 
 
 def tables(out: str) -> list[list[list[str]]]:
-    """Tables that `out` shows: lists of rows of cells, each with its header first."""
+    """Return the tables in `out`: lists of rows of cells, each with its header first."""
     found, rows = [], []
     for line in [*out.splitlines(), ""]:
         cells = re.split(r"\s{2,}", line.strip())
@@ -212,7 +210,7 @@ def tables(out: str) -> list[list[list[str]]]:
 
 
 def columns_of(out: str) -> dict[str, list[str]]:
-    """Columns of the first table that `out` shows; the second of a name is `name 2`."""
+    """Return the columns of the first table in `out`; the second of a name is `name 2`."""
     columns = {}
     for header, *cells in zip(*tables(out)[0], strict=True):
         columns[header if header not in columns else f"{header} 2"] = cells

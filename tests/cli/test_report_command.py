@@ -165,16 +165,12 @@ def _write(name, content):
 
 BROKEN = {
     "cut summary": (_write("summary.json", b'{"a": '), "summary.json: is not JSON"),
-    "not a number": (_write("summary.json", b'{"x": NaN}'), "holds NaN, expected finite"),
     "no claims": (lambda f: change(f, lambda s: s.pop("claims")), "has no 'claims'"),
     "odd verdict": (
         lambda f: change(f, lambda s: s["claims"][0].update(verdict="so so")), "'so so'"),
-    "no runs": (lambda f: change(f, lambda s: s.update(tracking=[])), "it is of another version"),
     "no figure": (_remove("figure8.svg"), "figure8.svg: is missing"),
     "cut figure": (_write("figure2.svg", b"<svg"), "figure2.svg: is not an SVG"),
-    "binary": (_write("figure4.svg", b"\xff\xfe\x00"), "figure4.svg: cannot be read"),
     "no diagram": (lambda f: shutil.rmtree(f / "diagrams"), "figure3.svg: is missing"),
-    "recording": (_write("device.html", b"\xff"), "device.html: cannot be read"),
 }  # fmt: skip
 
 
