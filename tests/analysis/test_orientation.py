@@ -1,15 +1,18 @@
-"""The observer of orientation against closed forms, its own symmetries, and published numbers."""
+"""The observer of orientation against closed forms, its symmetries, and published numbers."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from alone import FEELING
+from hypothesis import given, settings
 from laws import orientation_observer
+from scipy.spatial.transform import Rotation
+from strategies import GENERATORS
 
 import sdt_drake as sdt
 from sdt_drake.analysis import orientation
-from sdt_drake.analysis.orientation import CAUTION, perceive
+from sdt_drake.analysis.orientation import CAUTION, attitude, perceive
 from sdt_drake.systems import load_perception
 
 G = 9.81
@@ -28,7 +31,7 @@ def head(duration, period=0.01):
     return time, np.tile([0, 0, G], (len(time), 1)), np.zeros((len(time), 3))
 
 
-def flight(period=0.01, duration=8.0):
+def flight(period=0.01, duration=5.0):
     """Forces and rotations about all axes at once."""
     time, force, rate = head(duration, period)
     waves = np.sin(np.outer(time, [1.0, 2.2, 0.7]) + np.arange(3))
@@ -42,15 +45,6 @@ def felt_of(felt):
 
 
 # --- by hand ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", GAINS)
-def test_shipped_sets_have_the_published_gains(name):
-    model = load_perception(name)
-    for gain, value in zip(("k_w", "k_fw", "k_fg", "k_a"), GAINS[name], strict=True):
-        assert getattr(model, gain) == [value] * 3
-    assert (model.tau, model.tau_a, model.cutoff) == ([5.7] * 3, [80.0] * 3, 2.0)
-    assert len(model.source) > 20
 
 
 def yaw_step(t, k_w):
@@ -67,21 +61,19 @@ def yaw_step(t, k_w):
 
 @pytest.mark.parametrize("name", GAINS)
 def test_yaw_fades_and_is_false_after_a_stop_as_the_closed_form_says(name):
-    time, force, rate = head(60)
+    model = load_perception(name)
+    for gain, value in zip(("k_w", "k_fw", "k_fg", "k_a"), GAINS[name], strict=True):
+        assert getattr(model, gain) == [value] * 3
+    assert (model.tau, model.tau_a, model.cutoff) == ([5.7] * 3, [80.0] * 3, 2.0)
+    time, force, rate = head(40, 0.02)
     rate[(time > 1) & (time <= 31), 2] = 1.0
     felt = perceive(time, force, rate, name).rate
     # Up and down within a sample: on average half of one later.
-    expected = yaw_step(time - 1.005, GAINS[name][0]) - yaw_step(time - 31.005, GAINS[name][0])
+    expected = yaw_step(time - 1.01, GAINS[name][0]) - yaw_step(time - 31.01, GAINS[name][0])
     late = np.minimum(np.abs(time - 1), np.abs(time - 31)) > 0.1
-    np.testing.assert_allclose(felt[late, 2], expected[late], atol=2e-3)
+    np.testing.assert_allclose(felt[late, 2], expected[late], atol=4e-3)
     assert expected[late].min() < -0.3  # a false rotation
     np.testing.assert_allclose(felt[:, :2], 0, atol=1e-9)
-    # Without the low pass: two decays, with (k_w + 1) tau and tau_a.
-    slow = (GAINS[name][0] + 1) * TAU
-    t = time[late] - 1.005
-    decays = (TAU_A * np.exp(-t / slow) - slow * np.exp(-t / TAU_A)) / (TAU_A - slow)
-    early = (t > 1) & (t < 29)
-    np.testing.assert_allclose(felt[late, 2][early], decays[early], atol=0.01)
 
 
 @pytest.mark.parametrize("name", GAINS)
@@ -90,7 +82,7 @@ def test_yaw_fades_and_is_false_after_a_stop_as_the_closed_form_says(name):
 )
 def test_a_lasting_force_is_taken_for_gravity(name, force, pitch, roll):
     """Forward it tilts the pilot nose up, to the left it tilts to the right."""
-    time, forces, rate = head(60)
+    time, forces, rate = head(60, 0.05)
     forces[1:] = force
     felt = perceive(time, forces, rate, name)
     assert np.degrees(felt.pitch[[0, -1]]) == pytest.approx([0, pitch], abs=0.05)
@@ -102,7 +94,7 @@ def test_a_lasting_force_is_taken_for_gravity(name, force, pitch, roll):
     assert 1 < felt.acceleration[:, axis].max() < 3.0 * k_a / (k_a - 1)
 
 
-def test_who_starts_tilted_and_turning_has_felt_so_for_long():
+def test_a_start_with_tilt_and_turn_has_lasted_for_long():
     time, force, rate = head(5)
     force[:], rate[:] = (G / 2, 0, G), (0, 0, 0.7)
     felt = perceive(time, force, rate)
@@ -110,25 +102,20 @@ def test_who_starts_tilted_and_turning_has_felt_so_for_long():
     np.testing.assert_allclose(felt.rate, 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_gains_and_time_constants_are_those_of_the_axis(axis):
-    """Of a rotation about x, y or z, under 1 G along that axis."""
-    time, force, rate = head(20)
-    force[:] = G * np.eye(3)[axis]
-    rate[101:, axis] = 1.0
+@pytest.mark.parametrize(("field", "value"), [("k_w", 2.0), ("tau", 3.0), ("tau_a", 40.0)])
+def test_gains_and_time_constants_are_those_of_the_axis(field, value):
+    """A rotation about y under 1 G along y depends on the second of each three alone."""
+    time, force, rate = head(10, 0.02)
+    force[:] = G * np.eye(3)[1]
+    rate[51:, 1] = 1.0
     usual = load_perception("clark2019")
-    other = {"k_w": 2.0, "tau": 3.0, "tau_a": 40.0}
-    for field, value in other.items():
-        values = [value if k == axis else own for k, own in enumerate(getattr(usual, field))]
-        changed = perceive(time, force, rate, replace(usual, **{field: values})).rate[:, axis]
-        same = [own if k == axis else value for k, own in enumerate(getattr(usual, field))]
-        unchanged = perceive(time, force, rate, replace(usual, **{field: same})).rate[:, axis]
-        plain = perceive(time, force, rate, usual).rate[:, axis]
-        np.testing.assert_allclose(unchanged, plain, atol=1e-9)
-        assert np.abs(changed - plain)[110:].max() > 0.02
-
-
-# --- as the law says, whatever the samples ------------------------------------------------------
+    own = getattr(usual, field)
+    plain, changed, same = (
+        perceive(time, force, rate, replace(usual, **{field: values})).rate[:, 1]
+        for values in (own, [own[0], value, own[2]], [value, own[1], value])
+    )
+    np.testing.assert_allclose(same, plain, atol=1e-9)
+    assert np.abs(changed - plain)[60:].max() > 0.01
 
 
 def test_agrees_with_the_law_integrated_by_hand():
@@ -153,24 +140,15 @@ def test_agrees_with_the_law_integrated_by_hand():
     np.testing.assert_allclose(np.linalg.norm(felt.gravity, axis=1), 1, atol=1e-4)
 
 
-def test_the_rate_of_the_samples_matters_little(monkeypatch):
-    usual = felt_of(perceive(*flight()))
-    monkeypatch.setattr(orientation, "MIN_PERIOD", 0.001)
-    finer = felt_of(perceive(*flight(period=0.001)))[::10]
-    np.testing.assert_allclose(usual[:, :3], finer[:, :3], atol=2e-4)
-    np.testing.assert_allclose(usual[:, 3:], finer[:, 3:], atol=5e-3)
-    monkeypatch.undo()
-    for period in (0.001, 0.005, 0.02):
-        time, force, rate = flight(period=period)
-        each = np.isclose(time / 0.02, np.round(time / 0.02))
-        np.testing.assert_allclose(
-            felt_of(perceive(time, force, rate))[each], usual[::2], atol=1.5e-2
-        )
+# --- symmetries ---------------------------------------------------------------------------------
 
 
-def test_time_may_start_anywhere_and_be_uneven():
+def test_samples_may_be_finer_uneven_and_start_anywhere():
     time, force, rate = flight()
     usual = felt_of(perceive(time, force, rate))
+    fine = perceive(*flight(period=0.002))
+    np.testing.assert_allclose(felt_of(fine)[::5], usual, atol=1.5e-2)
+    np.testing.assert_allclose(fine.gravity[::5], usual[:, :3], atol=5e-4)
     np.testing.assert_allclose(felt_of(perceive(time + 1000, force, rate)), usual, atol=1e-6)
     keep = np.flatnonzero(np.arange(len(time)) % 5 != 2)
     felt = perceive(time[keep], force[keep], rate[keep])
@@ -178,35 +156,24 @@ def test_time_may_start_anywhere_and_be_uneven():
     np.testing.assert_allclose(felt_of(felt), usual[keep], atol=2e-2)
 
 
-# --- symmetries ---------------------------------------------------------------------------------
-
-
-def test_axes_that_are_turned_turn_what_is_felt():
-    """About the vertical, as if the world were turned, and about any axis."""
-    time, force, rate = flight()
+@settings(max_examples=4)
+@given(GENERATORS)
+def test_axes_that_are_turned_or_mirrored_turn_or_mirror_what_is_felt(rng):
+    time, force, rate = flight(period=0.02)
     usual = perceive(time, force, rate)
-    angle, tilt = 0.7, 0.4
-    about_z = np.array(
-        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
-    )
-    about_x = np.array(
-        [[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]
-    )
-    for turn in (about_z, about_z @ about_x):
-        felt = perceive(time, force @ turn.T, rate @ turn.T)
-        for name in ("gravity", "rate", "acceleration"):
-            np.testing.assert_allclose(
-                getattr(felt, name), getattr(usual, name) @ turn.T, atol=1e-4
-            )
+    turn = Rotation.random(random_state=rng.integers(2**32)).as_matrix() * rng.choice([-1, 1])
+    felt = perceive(time, force @ turn.T, np.linalg.det(turn) * rate @ turn.T)
+    np.testing.assert_allclose(felt.gravity, usual.gravity @ turn.T, atol=2e-4)
+    np.testing.assert_allclose(felt.acceleration, usual.acceleration @ turn.T, atol=1e-3)
+    np.testing.assert_allclose(felt.rate, np.linalg.det(turn) * usual.rate @ turn.T, atol=1e-3)
 
 
-def test_left_is_the_mirror_of_right():
-    time, force, rate = flight()
-    usual = perceive(time, force, rate)
-    felt = perceive(time, force * [1, -1, 1], rate * [-1, 1, -1])
-    np.testing.assert_allclose(felt.gravity, usual.gravity * [1, -1, 1], atol=1e-5)
-    np.testing.assert_allclose(felt.rate, usual.rate * [-1, 1, -1], atol=1e-4)
-    np.testing.assert_allclose(felt.roll, -usual.roll, atol=1e-5)
+def test_attitude_is_that_of_the_turned_head():
+    turn = Rotation.from_euler("XY", [[20, 0], [0, -30], [20, -30]], degrees=True)
+    roll, pitch = np.degrees(attitude(turn.inv().apply([0, 0, -1])))
+    np.testing.assert_allclose([roll[0], pitch[0]], [20, 0], atol=1e-9)  # to the right
+    np.testing.assert_allclose([roll[1], pitch[1]], [0, 30], atol=1e-9)  # nose up
+    assert 0 < roll[2] < 90 and 0 < pitch[2] < 90
 
 
 # --- published ----------------------------------------------------------------------------------
@@ -216,7 +183,7 @@ def swing(radial):
     """Of Rader et al. 2009: roll by 10 deg at 0.45 Hz, 1.22 m below the axis, with 0.25 m/s² along
     the radius at twice that; it takes from the force along z (-1), adds to it (1), or is not (0).
     """
-    time, force, rate = head(40)
+    time, force, rate = head(30)
     w, r = 2 * np.pi * 0.45, np.full(len(time), 1.22)
     begins = np.clip(time / 5, 0, 1) ** 2
     angle = np.radians(10) * np.sin(w * time) * begins
@@ -249,47 +216,41 @@ def test_swing_feels_as_the_printed_table_of_rader_says(radial):
 def test_result_shows_itself():
     felt = sdt.perceive(*flight(), model="irmak2023")
     table = felt.to_pandas()
-    assert list(table) == [
-        f"{n}_{k}" for n in ("gravity", "rate", "acceleration") for k in (1, 2, 3)
-    ]
     np.testing.assert_array_equal(table["rate_2"], felt.rate[:, 1])
-    assert "8 s, 801 samples" in repr(felt) and "felt pitch [deg]" in str(felt)
+    assert list(table)[::3] == ["gravity_1", "rate_1", "acceleration_1"]
+    assert "5 s, 501 samples" in repr(felt)
     figure = felt.plot()
     assert any(CAUTION in ax.get_title(loc="right") for ax in figure.axes)
-    angles = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
-    np.testing.assert_allclose(angles["felt roll, + right"], np.degrees(felt.roll))
 
 
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        (lambda t, f, w: (t[:-1], f, w), r"specific_force: of shape \(801, 3\), expected \(800, 3"),
-        (
-            lambda t, f, w: (t, f[:, :2], w),
-            r"specific_force: of shape \(801, 2\), expected \(801, 3",
-        ),
-        (lambda t, f, w: (t, f, w[:5]), r"angular_rate: of shape \(5, 3\), expected \(801, 3\)"),
-        (lambda t, f, w: (t, f, "a"), "angular_rate: a, expected numbers of shape"),
-        (lambda t, f, w: (t[:1], f[:1], w[:1]), "time: expected at least 2 samples, each later"),
-        (lambda t, f, w: (-t, f, w), "time: expected at least 2 samples, each later"),
-        (lambda t, f, w: (100 * t, f, w), "time: 1 s between samples at 0 s, expected at most 0.1"),
-        (lambda t, f, w: (t, f * (t != 3)[:, None], w), "specific_force: 0 m/s² at 3 s, expected"),
-        (
-            lambda t, f, w: (t, np.where((t == 3)[:, None], np.inf, f), w),
-            r"specific_force\[300, 0\]: inf",
-        ),
+        (lambda t, f, w: (t[:-1], f, w), r"specific_force: .*\(501, 3\), expected \(500, 3"),
+        (lambda t, f, w: (t, f, w[:5]), r"angular_rate: .*\(5, 3\), expected \(501, 3\)"),
+        (lambda t, f, w: (t, f, "a"), "angular_rate: a, expected"),
+        (lambda t, f, w: (t[:1], f[:1], w[:1]), "time: expected at least 2 samples"),
+        (lambda t, f, w: (-t, f, w), "time: expected at least 2 samples"),
+        (lambda t, f, w: (100 * t, f, w), "time: 1 s .* at 0 s, expected at most 0.1"),
+        (lambda t, f, w: (t, f * (t != 3)[:, None], w), "specific_force: 0 m/s² at 3 s"),
     ],
 )
-def test_what_cannot_be_felt_is_one_line(change, line):
+def test_bad_samples_are_refused(change, line):
     with pytest.raises(sdt.InputError, match=f"^{line}[^\n]*$"):
         perceive(*change(*flight()))
 
 
-def test_a_wrong_model_is_one_line_a_problem(tmp_path):
+def test_a_recording_at_the_limits_is_accepted():
+    time, force, rate = head(1, orientation.MAX_PERIOD)
+    force[:, 2] = orientation.WEIGHTLESS
+    assert perceive(time, force, rate).pitch == pytest.approx(np.zeros(len(time)), abs=1e-9)
+
+
+def test_a_wrong_model_is_refused(tmp_path):
     with pytest.raises(sdt.InputError, match=r"^clark: no such perception model, did you mean"):
         perceive(*flight(), model="clark")
     (tmp_path / "own.yaml").write_text("source: mine\nk_w: [1, 0]\nk_fw: 1\nk_fg: [1, 1, .inf]\n")
     with pytest.raises(sdt.InputError) as caught:
         perceive(*flight(), model=tmp_path / "own.yaml")
-    told = str(caught.value)
-    assert all(f"own.yaml: {name}" in told for name in ("k_w", "k_fw", "k_fg[3]", "k_a: missing"))
+    for name in ("k_w", "k_fw", "k_fg[3]", "k_a: missing"):
+        assert f"own.yaml: {name}" in str(caught.value)

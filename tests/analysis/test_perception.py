@@ -1,102 +1,170 @@
-"""Filters, canals and otoliths against closed forms."""
+"""Low passes, canals, detectors and felt differences, against scipy, closed forms and sources."""
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+from scipy.signal import lsim
+from strategies import GENERATORS
 
-from sdt_drake.analysis.perception import canals, false_sensation_after_stop, low_pass
+from sdt_drake.analysis.perception import (
+    CHANNELS,
+    DETECTORS,
+    FeltDifference,
+    canals,
+    false_sensation_after_stop,
+    felt_difference,
+    low_pass,
+)
+from sdt_drake.robot.head import HeadMotion
 
 H = 0.005
 TAU, TAU_A = 5.7, 80.0  # Rader, Oman & Merfeld 2009, Table T4
+LONG, SHORT = DETECTORS
+AXES = np.array([2.04, 2.07, 1.58]) / 1.58  # Benson, Hutt & Brown 1989
 
 
-# --- filters ------------------------------------------------------------------------------------
+# --- filters and canals -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("T", [0.003, 14.5])
-def test_ramp_is_exact(T):
-    """T y' + y = t from rest: y = t - T + T e^{-t/T}."""
-    t = H * np.arange(4001)
-    np.testing.assert_allclose(
-        low_pass(t, T, H), t + T * np.expm1(-t / T), rtol=1e-9, atol=1e-12 * max(T, 1)
-    )
-
-
-def test_straight_pieces_as_a_step_by_step_solution():
-    rng = np.random.default_rng(0)
+@settings(max_examples=10)
+@given(GENERATORS, st.floats(0.003, 100), st.floats(0.001, 0.1))
+def test_low_pass_is_exact_for_straight_pieces(rng, T, h):
     u = rng.normal(size=(60, 2, 3))
-    T, h, fine = 0.02, 0.01, 200
-    y = np.empty_like(u)
-    y[0] = state = u[0]
-    step = h / fine
-    for i in range(len(u) - 1):
-        for j in range(fine):  # trapezoidal rule
-            a, b = (u[i] + (u[i + 1] - u[i]) * (j + s) / fine for s in (0, 1))
-            state = (state * (1 - step / 2 / T) + step / T * (a + b) / 2) / (1 + step / 2 / T)
-        y[i + 1] = state
-    np.testing.assert_allclose(low_pass(u, T, h), y, atol=3e-6)
+    _, y, _ = lsim(([-1 / T], [1 / T], [1], [0]), u[:, 1, 2], h * np.arange(60), X0=u[0, 1, 2])
+    np.testing.assert_allclose(low_pass(u, T, h)[:, 1, 2], y, atol=1e-9)
 
 
-# --- canals -------------------------------------------------------------------------------------
-
-
-def ramp_response(t):
-    """Of tau tau_a s² / ((tau s + 1)(tau_a s + 1)) to t: difference of two decays."""
-    return TAU * TAU_A / (TAU_A - TAU) * (np.exp(-t / TAU_A) - np.exp(-t / TAU))
-
-
-def test_step_of_spin_decays():
-    """(tau_a e^{-t/tau} - tau e^{-t/tau_a}) / (tau_a - tau), as the ramp to it gets shorter."""
-    t = H * np.arange(12001)
-    spin = np.where(t > 0, 1.0, 0.0)  # up within a sample
-    sensed = canals(spin, H)
-    exact_of_ramp = (ramp_response(t[1:]) - ramp_response(t[:-1])) / H
-    np.testing.assert_allclose(sensed[1:], exact_of_ramp, atol=1e-9)
-    step = (TAU_A * np.exp(-t / TAU) - TAU * np.exp(-t / TAU_A)) / (TAU_A - TAU)
-    np.testing.assert_allclose(sensed[1:], step[1:], atol=H / TAU)
-    assert sensed[-1] < 0  # adapted: it now seems to turn the other way, weakly
-
-
-@pytest.mark.parametrize("hertz", [0.1, 5.0])
-def test_sine_has_the_gain_and_phase_of_the_transfer_function(hertz):
-    w = 2 * np.pi * hertz
-    # Long after the start, over whole periods.
-    t = np.arange(0, 900 + 4 / hertz, H)
-    sensed = canals(np.sin(w * t), H)
-    late = t >= t[-1] - 2 / hertz
-    basis = np.column_stack([np.sin(w * t[late]), np.cos(w * t[late])])
-    (a, b), *_ = np.linalg.lstsq(basis, sensed[late], rcond=None)
-    s = 1j * w
-    expected = TAU * TAU_A * s**2 / ((TAU * s + 1) * (TAU_A * s + 1))
-    # Straight pieces instead of a sine: (w h)² / 12 smaller.
-    assert a + 1j * b == pytest.approx(expected, abs=(w * H) ** 2 / 10 + 1e-4)
-
-
-# --- after a stop -------------------------------------------------------------------------------
-
-
-def spin_and_stop(rate_deg_s, hold):
-    """About z: up within a sample, held, stopped within a sample; the others at rest."""
-    t = np.arange(0, hold + 0.5, H)
-    omega = np.zeros((len(t), 3))
-    omega[(t > 0) & (t <= hold), 2] = np.radians(rate_deg_s)
-    return omega
+@settings(max_examples=10)
+@given(GENERATORS, st.integers(0, 400))
+def test_canals_are_their_transfer_function_and_do_not_sense_what_has_always_been(rng, shift):
+    pieces = np.interp(np.arange(600), np.arange(0, 600, 60), rng.normal(size=10))
+    omega = np.repeat(np.append(pieces[0], pieces), [shift, *[1] * 600])  # later by the shift
+    poles = np.polymul([TAU, 1], [TAU_A, 1])
+    _, expected, _ = lsim(([TAU * TAU_A, 0, 0], poles), pieces - pieces[0], 0.05 * np.arange(600))
+    sensed = canals(omega, 0.05)
+    np.testing.assert_allclose(sensed[shift:], expected, atol=1e-9)
+    np.testing.assert_allclose(sensed[:shift], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("rate", "hold"), [(90, 60.0), (30, 300.0), (90, 2.0)])
 def test_false_sensation_lasts_as_the_two_decays_say(rate, hold):
-    def step(t):
-        return (TAU_A * np.exp(-t / TAU) - TAU * np.exp(-t / TAU_A)) / (TAU_A - TAU)
+    def sensed(t):
+        step = (TAU_A * np.exp(-t / TAU) - TAU * np.exp(-t / TAU_A)) / (TAU_A - TAU)
+        before = np.exp(-(t + hold) / TAU), np.exp(-(t + hold) / TAU_A)
+        return rate * (step - (TAU_A * before[0] - TAU * before[1]) / (TAU_A - TAU)) - 2.5
 
-    t = np.arange(0, 120, H)
-    told = np.abs(rate * (step(t + hold) - step(t)))
-    expected = t[np.argmax(told < 2.5)]
-    after = false_sensation_after_stop(spin_and_stop(rate, hold), H)
-    np.testing.assert_allclose(after, [0, 0, expected], atol=3 * H)
-    if hold >= 60:
-        assert 10 < after[2] < 25  # a graveyard spin
+    t = np.arange(0, hold + 0.5, H)
+    omega = np.outer((t > 0) & (t <= hold), [0, 0, np.radians(rate)])
+    after = false_sensation_after_stop(omega, H)
+    np.testing.assert_allclose(after, [0, 0, brentq(sensed, 0, 30)], atol=3 * H)
 
 
 def test_without_a_stop_there_is_no_time_after_it():
     turning = np.ones((100, 3))
     for omega in (turning, 0 * turning, turning * np.radians(2.4) / np.sqrt(3)):
         assert np.isnan(false_sensation_after_stop(omega, H)).all()
+
+
+# --- detectors ----------------------------------------------------------------------------------
+
+
+def yaw(rate_deg_s):
+    """About z alone [rad/s], (N, 3)."""
+    return np.outer(np.radians(rate_deg_s), [0, 0, 1])
+
+
+@pytest.mark.parametrize("t", [0.5, 3, 20])
+def test_constant_acceleration_is_felt_from_rodenburgs_threshold_on(t):
+    """a_thr(t) = C / (1 - e^{-t/tau1}), C = 0.22 deg/s², tau1 = 14.5 s."""
+    rate = 0.22 / (1 - np.exp(-t / 14.5)) * np.arange(0, t + H / 2, H)
+    multiples = LONG.multiples(yaw(rate), H)[:, 2]
+    assert multiples.argmax() == len(multiples) - 1 and multiples[-1] == pytest.approx(1)
+
+
+# Grabherr et al. 2008: yaw, direction recognised [Hz, deg/s].
+GRABHERR = {0.05: 2.8, 0.1: 2.5, 0.2: 1.7, 0.5: 0.7, 1: 0.6, 2: 0.4, 5: 0.6}
+
+
+def test_the_level_is_the_largest_that_misses_no_bell_that_was_felt():
+    multiples = []
+    for hertz, felt in GRABHERR.items():
+        t = np.arange(0, 1 / hertz + 5, 1e-3)
+        bell = np.where(t < 1 / hertz, (1 - np.cos(2 * np.pi * hertz * t)) / 2, 0)
+        multiples.append(felt * SHORT.multiples(yaw(bell), 1e-3).max())
+    assert min(multiples) == pytest.approx(1, abs=0.01) and max(multiples) < 2
+
+
+@pytest.mark.parametrize("hertz", [0.1, 1])
+def test_a_steady_sine_goes_through_the_high_pass_of_the_fit_and_bensons_axes(hertz):
+    t = np.arange(0, 15 + 2 / hertz, 1e-3)
+    rate = np.repeat(yaw(np.sin(2 * np.pi * hertz * t))[:, 2:], 3, axis=1)
+    threshold = 0.30 * np.sqrt(1 + 1 / (0.70 * 2 * np.pi * hertz) ** 2) * AXES
+    largest = SHORT.multiples(rate, 1e-3)[t > 15].max(axis=0)
+    np.testing.assert_allclose(1 / largest, threshold, rtol=2e-3)
+
+
+# --- the felt difference of two motions ---------------------------------------------------------
+
+
+def motion(rows=1001, **fields):
+    """A head at rest, but for the fields given."""
+    zero = np.zeros((rows, 3))
+    at_rest = {
+        "specific_force": np.tile([0, 0, 9.81], (rows, 1)),
+        "angular_velocity": zero,
+        "angular_acceleration": zero,
+        "position": zero,
+        "rotation": np.broadcast_to(np.eye(3), (rows, 3, 3)),
+    }
+    return HeadMotion(**(at_rest | fields))
+
+
+@pytest.mark.parametrize(("axis", "threshold"), [(0, 0.063), (1, 0.057), (2, 0.154)])
+def test_force_is_in_multiples_of_bensons_thresholds(axis, threshold):
+    force = motion().specific_force.copy()
+    force[200:500, axis] -= 3 * threshold
+    force[700:800, axis] += 0.9 * threshold
+    felt = felt_difference(motion(), motion(specific_force=force), H)
+    np.testing.assert_allclose(felt.largest, 3 * np.eye(6)[3 + axis], rtol=1e-9)
+    assert felt.share == felt.channel_share[3 + axis] == pytest.approx(300 / 1001)
+    assert felt.worst_force == (CHANNELS[3 + axis], pytest.approx(3))
+    assert felt.worst_rotation[1] == 0
+
+
+def test_quick_rotation_counts_by_the_short_detector_and_a_slow_one_by_the_long():
+    t = H * np.arange(2001)
+    quick, slow = yaw(3 * np.sin(2 * np.pi * t)), yaw(0.3 * 2 * t)  # 0.3 deg/s² for 20 s
+    found = [
+        felt_difference(motion(2001), motion(2001, angular_velocity=omega), h)
+        for omega, h in ((quick, H), (slow, 2 * H))
+    ]
+    assert found[0].largest[2] == pytest.approx(3 / 0.30, rel=0.2)
+    expected = 0.3 / (0.22 / (1 - np.exp(-20 / 14.5)))
+    assert found[1].largest[2] == pytest.approx(expected, rel=1e-6)
+    assert found[1].worst_rotation == ("yaw", found[1].largest[2])
+
+
+@settings(max_examples=5)
+@given(GENERATORS, st.floats(0.1, 10))
+def test_only_the_difference_counts_and_in_proportion(rng, factor):
+    base, off = np.cumsum(rng.normal(size=(2, 1001, 3)), axis=1) * 1e-3
+    first, second, more = (
+        motion(angular_velocity=omega, specific_force=9.81 + omega)
+        for omega in (base, base + off, base + factor * off)
+    )
+    usual = felt_difference(first, second, H).multiples
+    assert not felt_difference(first, first, H).multiples.any() and usual.max() > 0
+    np.testing.assert_allclose(felt_difference(second, first, H).multiples, usual, atol=1e-9)
+    larger = felt_difference(first, more, H).multiples
+    np.testing.assert_allclose(larger, factor * usual, rtol=1e-6, atol=1e-9)
+
+
+def test_share_counts_time_with_any_channel_above_one():
+    multiples = np.zeros((10, 6))
+    multiples[:3, 0] = multiples[2:5, 4] = 1.5
+    multiples[5:, 2] = 1.0  # just felt is not above
+    felt = FeltDifference(multiples)
+    assert felt.share == pytest.approx(0.5)
+    np.testing.assert_allclose(felt.channel_share, [0.3, 0, 0, 0, 0.3, 0])
