@@ -7,6 +7,8 @@ import csv
 import control
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from strategies import GENERATORS
 from test_linear import OMEGA_R, ROTORS, R, matrices, same, two_mass_polynomials
 from variants import kind
 
@@ -65,17 +67,18 @@ def test_axis_loop_is_the_analytic_one(designed, structure, viscous):
     assert response.stable.all()
 
 
-def test_bandwidth_with_p_in_feedback(damped):
+def test_numbers_of_the_second_order_loop(damped):
+    """Bandwidth, peak, damping, and no gain margin: its phase never reaches -180 deg."""
+    for structure in STRUCTURES:
+        response = damped[structure][1]
+        np.testing.assert_allclose(response.damping, ZETA, rtol=1e-6)
+        assert np.isinf(response.gain_margin).all() and (response.gain_reduction == 0).all()
     a = 1 - 2 * ZETA**2
     expected = OMEGA_N * np.sqrt(a + np.sqrt(a**2 + 1))
-    np.testing.assert_allclose(damped["p_in_feedback"][1].bandwidth, expected, rtol=1e-5)
-
-
-def test_peak_with_p_in_feedback(damped):
-    _, response = damped["p_in_feedback"]
+    np.testing.assert_allclose(response.bandwidth, expected, rtol=1e-5)
     peak = 1 / (2 * ZETA * np.sqrt(1 - ZETA**2))
     np.testing.assert_allclose(response.peak_db, 20 * np.log10(peak), atol=1e-4)
-    np.testing.assert_allclose(response.peak_omega, OMEGA_N * np.sqrt(1 - 2 * ZETA**2), rtol=3e-3)
+    np.testing.assert_allclose(response.peak_omega, OMEGA_N * np.sqrt(a), rtol=3e-3)
 
 
 # --- python-control -----------------------------------------------------------------------------
@@ -90,13 +93,12 @@ def judged(loop, ahead):
     return max(crossings), np.abs(margins).min(), bandwidth, distance
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("bandwidth", [None, 20.0])
+@pytest.mark.parametrize(("structure", "bandwidth"), [("pi", None), ("p_in_feedback", 20.0)])
 def test_margins_are_those_of_python_control(designed, structure, bandwidth):
     drive = Drive(torque_bandwidth=bandwidth, torque_error=[0.1, 0, -0.1, 0])
     design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
     response = frequency_response(design, points=1000)
-    for k in range(4):
+    for k in (0, 2):
         lag = 0.0 if bandwidth is None else 1 / (2 * np.pi * bandwidth)
         process = control.tf(
             [1 + drive.torque_error[k]], [design.i_eff[k] * lag, design.i_eff[k], 0]
@@ -120,9 +122,9 @@ def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
     """The resonance crosses 1 again: the smallest margin counts, and the last crossing."""
     damping = 0.002
     design = designed("axis_pi", {"plant.elasticity": Elasticity([OMEGA_R] * 4, damping, "link")})
-    response = frequency_response(design, points=8_000)
+    response = frequency_response(design, points=4_000)
     several = 0
-    for k in range(4):
+    for k in (0, 1):
         rotor, inertia = ROTORS[k], design.i_eff[k]
         speed, below = two_mass_polynomials(rotor, inertia - rotor, OMEGA_R, damping)
         gain = control.tf(
@@ -134,51 +136,43 @@ def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
         several += len(crossings) > 1
         assert response.crossover[k] == pytest.approx(max(crossings), rel=1e-4)
         assert response.phase_margin[k] == pytest.approx(np.abs(margins).min(), abs=0.1)
-    assert several >= 2
+    assert several
 
 
 # --- sampled drives -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("bandwidth", [None, 100.0])
-@pytest.mark.parametrize("period", [0.001, 0.005])
-def test_sampled_loop_is_the_z_transfer_function(designed, structure, bandwidth, period):
-    drive = Drive(period=period, torque_bandwidth=bandwidth)
+@pytest.mark.parametrize(
+    ("period", "bandwidth", "increments"),
+    [(0.001, 100.0, None), (0.005, None, None), (0.001, None, 4096.0)],
+)
+def test_sampled_loop_is_the_z_transfer_function(
+    designed, structure, period, bandwidth, increments
+):
+    """With encoders, speeds are differences of positions."""
+    resolution = None if increments is None else [increments] * 4
+    drive = Drive(period=period, torque_bandwidth=bandwidth, encoder_resolution=resolution)
     design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
-    response = frequency_response(design, points=500)
+    response = frequency_response(design, points=300)
     z = np.exp(1j * response.omega * period)[:, None]
     # 1 / s behind a hold, with the lag: T / (z - 1) - tau (1 - a) / (z - a).
-    per_inertia = period / (z - 1)
+    speed = period / (z - 1)
     if bandwidth is not None:
         tau = 1 / (2 * np.pi * bandwidth)
         a = np.exp(-period / tau)
-        per_inertia = per_inertia - tau * (1 - a) / (z - a)
+        speed = speed - tau * (1 - a) / (z - a)
+    measured = speed
+    if increments is not None:  # of 1 / s² behind a hold
+        measured = period**2 * (z + 1) / (2 * (z - 1) ** 2) * (1 - 1 / z) / period
     integral = design.gains.ki * period / (z - 1)  # x+ = x + T e
     both = design.gains.kp + integral
-    gain = both * per_inertia / design.i_eff
-
-    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-8)
+    gain = both * measured / design.i_eff
     ahead = both if structure == "pi" else integral
-    expected = ahead * per_inertia / design.i_eff / (1 + gain)
-    np.testing.assert_allclose(response.tracking, expected, rtol=1e-8)
-    assert response.omega[-1] == pytest.approx(min(np.pi / period, 100 * design.omega_n.max()))
-
-
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_encoders_give_differences_of_positions(designed, structure):
-    drive = Drive(period=0.001, encoder_resolution=[4096.0] * 4)
-    design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
-    response, T = frequency_response(design, points=500), design.reference.period / 5
-    z = np.exp(1j * response.omega * T)[:, None]
-    position = T**2 * (z + 1) / (2 * (z - 1) ** 2) / design.i_eff  # 1 / s² behind a hold
-    integral = design.gains.ki * T / (z - 1)
-    gain = (design.gains.kp + integral) * position * (1 - 1 / z) / T
-
-    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-6, atol=1e-12)
-    ahead = design.gains.kp + integral if structure == "pi" else integral
-    expected = ahead * T / (z - 1) / design.i_eff / (1 + gain)  # the link's true speed
+    expected = ahead * speed / design.i_eff / (1 + gain)  # the link's true speed
+    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-6, atol=1e-10)  # of 1e6
     np.testing.assert_allclose(response.tracking, expected, rtol=1e-6, atol=1e-12)
+    assert response.omega[-1] == pytest.approx(min(np.pi / period, 100 * design.omega_n.max()))
 
 
 @pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
@@ -213,9 +207,9 @@ def fastest_growth(loop, k, factor):
         ({"plant.elasticity": Elasticity([300.0] * 4, 0.05, "link")}, "gain_margin"),
     ],
 )
-def test_gain_margins_are_where_a_mode_comes_to_the_border(designed, fields, shows):
+def test_gain_margins_are_where_a_mode_comes_to_its_stability_limit(designed, fields, shows):
     design = designed("coupled_pi", fields)
-    response = frequency_response(design, points=1000)
+    response = frequency_response(design, points=700)
     for k in range(4):
         loop = linearise(design, int(response.sample[k]))
         factor = getattr(response, shows)[k]
@@ -228,7 +222,7 @@ def test_gain_margins_are_where_a_mode_comes_to_the_border(designed, fields, sho
 
 
 def test_less_gain_does_not_hold_what_gravity_overturns(designed):
-    """The border is at a standstill: no oscillation, which the angle of the gain would show."""
+    """The limit is at a standstill: no oscillation, which the angle of the gain would show."""
     design, sample = designed("coupled_pi", kind("pi", omega_r=10.0)), 4000
     factor = frequency_response(design, sample=sample).gain_reduction
     loop = linearise(design, sample)
@@ -238,18 +232,10 @@ def test_less_gain_does_not_hold_what_gravity_overturns(designed):
         assert fastest_growth(loop, k, 0.98 * factor[k]) > 1e-4
 
 
-def test_damping_and_no_gain_margin_of_the_analytic_loop(damped):
-    """Of second order with the damping ratios it was tuned for; its phase never reaches -180."""
-    for structure in STRUCTURES:
-        response = damped[structure][1]
-        np.testing.assert_allclose(response.damping, ZETA, rtol=1e-6)
-        assert np.isinf(response.gain_margin).all() and (response.gain_reduction == 0).all()
-
-
 # --- the coupled plant --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sample", [0, 1000, 4776])
+@pytest.mark.parametrize("sample", [0, 4776])
 def test_coupled_loop_gain_has_the_others_closed(designed, sample):
     design = designed("coupled_pi")
     response = frequency_response(design, sample=sample, points=60)
@@ -283,28 +269,23 @@ def test_no_crossover_is_nan(designed):
         assert np.isnan(getattr(response, name)).tolist() == [True, False, False, False], name
 
 
-def test_unwrapped_phase_has_no_jumps():
+@settings(max_examples=10)
+@given(GENERATORS)
+def test_unwrapped_phase_has_no_jumps_and_is_that_of_the_response(rng):
+    """At the last crossover, or the end if there is none, it lies between -270 and 90 deg."""
     omega = np.geomspace(0.01, 100, 2000)
     s = 1j * omega[:, None]
-    response = np.hstack([1 / s**2, 1 / (s * (1 + s) ** 2), 1 / (1 + s), s / (1 + s / 50)])
-    phase = unwrapped_degrees(response)
-
-    assert np.abs(np.diff(phase, axis=0)).max() < 2
-    np.testing.assert_allclose(np.exp(1j * np.radians(phase)), response / np.abs(response))
-    np.testing.assert_allclose(phase[-1], [-180, -270, -90, 90 - np.degrees(np.arctan(2))], atol=2)
-    np.testing.assert_allclose(phase[0], [-180, -90, 0, 90], atol=2)
-
-
-def test_phase_at_the_last_crossover_is_between_minus_270_and_90():
-    """Of a response that is nowhere above 1, at the end."""
-    omega = np.geomspace(0.01, 100, 2000)
-    s = 1j * omega[:, None]
-    responses = [1 / (s**2 * (s + 0.05)), 1e-9 / (s + 1), -1e-9 / (s + 1)]
-    phase = unwrapped_degrees(np.hstack(responses), at_crossover=True)
-
-    assert np.abs(np.diff(phase, axis=0)).max() < 2
-    np.testing.assert_allclose(phase[0], [-180 - np.degrees(np.arctan(0.2)), 0, -180], atol=1)
-    np.testing.assert_allclose(phase[-1], [-270, -90, -270], atol=1)
+    zeros, poles = rng.uniform(0.05, 20, (2, 3, 6))
+    factors = (s + zeros[:, None]) / (s + poles[:, None]) / s ** rng.integers(0, 2, (3, 1, 1))
+    response = np.prod(factors, axis=0) * rng.choice([-1, 1], 6) * 10 ** rng.uniform(-9, 1, 6)
+    for at_crossover in (False, True):
+        phase = unwrapped_degrees(response, at_crossover=at_crossover)
+        assert np.abs(np.diff(phase, axis=0)).max() < 5
+        np.testing.assert_allclose(np.exp(1j * np.radians(phase)), response / np.abs(response))
+    above = [np.flatnonzero(np.abs(x) >= 1) for x in response.T]
+    last = [i[-1] if len(i) else -1 for i in above]
+    assert np.all(np.abs(phase[last, range(6)] + 90) <= 180 + 1e-9)
+    assert np.all(np.abs(unwrapped_degrees(response)[0]) <= 180 + 1e-9)
 
 
 def test_written_responses_read_back(damped, tmp_path):

@@ -55,7 +55,7 @@ def test_an_axis_in_a_cascade_is_its_map_between_samples(designed, drive):
     """Cut at the samples of the position: margins as python-control tells them of that map."""
     k_v = np.array([3.0, 60.0, 150.0, 20.0])
     design = cascade(designed, k_v.tolist(), drive, "axis_pi")
-    response = frequency_response(design)
+    response = frequency_response(design, points=1500)
     omega = response.omega
     assert response.at_positions and omega[-1] == pytest.approx(np.pi / T)
     for k, inertia in enumerate(design.i_eff):
@@ -94,7 +94,7 @@ def test_margins_are_what_the_position_loop_can_lose(designed, drive):
     """Less than the gain margin, and fewer periods than the phase lasts, keep it stable."""
     k_v = np.array([60.0, 50, 40, 30])
     design = cascade(designed, k_v.tolist(), drive)
-    response = frequency_response(design)
+    response = frequency_response(design, points=1500)
     for k, sample in enumerate(response.sample):
         for share in (0.998, 1.002):
             changed = k_v * np.where(np.arange(4) == k, share * response.gain_margin[k], 1)
@@ -106,8 +106,7 @@ def test_margins_are_what_the_position_loop_can_lose(designed, drive):
             assert (np.abs(z).max() > 1) == (periods > lasts)
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("k_v", [120.0, 400.0])
+@pytest.mark.parametrize(("drive", "k_v"), [(None, 400.0), (0.001, 120.0)])
 def test_a_simulated_answer_is_that_of_the_linear_model(designed, k_v, drive):
     """A step of load on joint 2: positions, less those without it, decay or run away as told."""
     design, load = cascade(designed, [k_v] * 4, drive, end=0.2), np.array([0, 300.0, 0, 0])

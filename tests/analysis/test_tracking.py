@@ -1,11 +1,16 @@
-"""Tracking metrics on recordings whose answers are known."""
+"""Tracking metrics on recordings whose answers are known, and metrics of steps."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import GENERATORS
 from variants import recorded
 
+from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of, plain_number
+from sdt_drake.analysis.step import step_metrics
 from sdt_drake.analysis.tracking import (
     constant_speed_segments,
     motor_use,
@@ -27,10 +32,6 @@ def make_motion(*knots):
     return Motion.from_speeds(PERIOD, np.zeros(len(speeds)), v)
 
 
-def at(t):
-    return round(t / PERIOD)
-
-
 # Joint 1: rest, ramp, constant for 3 s, ramp, rest. Joint 2 rests. Joint 3 always accelerates.
 # Joint 4: constant for 0.9 s only. Joint 5: constant from the first sample to the last.
 MOTION = make_motion(
@@ -43,53 +44,26 @@ MOTION = make_motion(
 )
 
 
-def test_perfect_tracking_is_zero():
-    tracking = track(recorded(MOTION), MOTION)
-
-    for name in (
-        "max_abs_speed_error",
-        "rms_speed_error",
-        "saturated_fraction",
-        "max_abs_position_error",
-    ):
-        np.testing.assert_array_equal(getattr(tracking, name), np.zeros(5), err_msg=name)
-    np.testing.assert_array_equal(tracking.constant_speed_error, [0, np.nan, np.nan, np.nan, 0])
-
-
-def test_largest_and_rms_speed_error():
-    t = MOTION.time
-    error = np.zeros_like(MOTION.v)
-    error[:, 0] = -0.25  # slower than asked for
-    error[:, 1] = 0.2 * np.sin(2 * np.pi * t / 6)  # one whole period
-    error[at(3), 2] = 0.7  # a single sample
-    tracking = track(recorded(MOTION, v=MOTION.v + error), MOTION)
-
-    np.testing.assert_allclose(tracking.max_abs_speed_error, [0.25, 0.2, 0.7, 0, 0], atol=1e-12)
-    expected = [0.25, 0.2 / np.sqrt(2), 0.7 / np.sqrt(601), 0, 0]
-    np.testing.assert_allclose(tracking.rms_speed_error, expected, rtol=2e-3, atol=1e-12)
-
-
-def test_constant_speed_error_counts_only_settled_samples():
+@settings(max_examples=10)
+@given(GENERATORS)
+def test_errors_are_those_of_speeds_and_of_positions_apart(rng):
+    off_v, off_q = rng.normal(size=(2, *MOTION.v.shape)) * rng.integers(0, 2, (2, 1, 5))
+    tracking = track(recorded(MOTION, v=MOTION.v + off_v, q=MOTION.q + off_q), MOTION)
+    np.testing.assert_allclose(tracking.max_abs_speed_error, np.abs(off_v).max(axis=0))
+    rms = np.linalg.norm(off_v, axis=0) / np.sqrt(len(off_v))
+    np.testing.assert_allclose(tracking.rms_speed_error, rms)
+    np.testing.assert_allclose(tracking.max_abs_position_error, np.abs(off_q).max(axis=0))
     # Joint 1 has constant speed from 2 s on, and decelerates from 5 s on; 1 s is for settling.
-    error = np.zeros_like(MOTION.v)
-    error[: at(3.0), 0] = 9.0
-    error[at(3.0) :, 0] = 0.03
-    error[at(4.2), 0] = -0.04
-    error[at(5.0) :, 0] = 9.0
-    tracking = track(recorded(MOTION, v=MOTION.v + error), MOTION)
-
-    assert tracking.constant_speed_error[0] == pytest.approx(0.04)
-    assert tracking.max_abs_speed_error[0] == pytest.approx(9.0)
+    steady = np.abs(off_v[300:500, 0]).max(), np.abs(off_v[101:, 4]).max()
+    expected = [steady[0], np.nan, np.nan, np.nan, steady[1]]
+    np.testing.assert_allclose(tracking.constant_speed_error, expected)
+    assert not tracking.saturated_fraction.any()
 
 
-def test_constant_speed_starts_exactly_one_second_after_the_speed_became_constant():
+def test_constant_speed_starts_one_second_after_the_speed_became_constant():
     steady = constant_speed_segments(MOTION)
-
-    assert steady.shape == MOTION.v.shape
-    first, last = np.flatnonzero(steady[:, 0])[[0, -1]]
-    assert MOTION.time[first] == pytest.approx(3.0)
-    assert MOTION.time[last] == pytest.approx(5.0 - PERIOD)
-    assert steady[first : last + 1, 0].all()
+    assert np.flatnonzero(steady[:, 0]).tolist() == list(range(300, 500))
+    assert not steady[:, 1:4].any()
 
 
 def test_saturated_fraction_is_the_share_of_the_time():
@@ -100,42 +74,27 @@ def test_saturated_fraction_is_the_share_of_the_time():
     np.testing.assert_allclose(tracking.saturated_fraction, [0.125, 1, 0, 0, 0])
 
 
-def test_stops_that_are_passed_are_told_by_joint_time_and_angle():
+def test_stops_that_are_passed_are_named_by_joint_time_and_angle():
     q, beyond = MOTION.q.copy(), np.zeros_like(MOTION.q)
-    beyond[at(2) : at(3), 3] = np.linspace(0.01, 0.02, 100)
-    run = recorded(MOTION, q=q, beyond_stop=beyond)
-    [line] = stops_passed(run, ["a", "b", "c", "roll", "e"])
-    assert f"joint 4 roll passes its stop at 2.000 s, at {q[200, 3]:.4g} rad" in line
-    assert "0.02 rad beyond it" in line and "do not act" in line
+    beyond[200:300, 3] = np.linspace(0.01, 0.02, 100)
+    [line] = stops_passed(recorded(MOTION, q=q, beyond_stop=beyond), ["a", "b", "c", "roll", "e"])
+    for part in ("joint 4 roll", "2.000 s", f"{q[200, 3]:.4g} rad", "0.02 rad beyond"):
+        assert part in line
 
 
-def test_position_error_does_not_come_from_speed_error():
-    q = MOTION.q.copy()
-    q[:, 1] -= 0.4
-    q[at(2.5), 3] += 0.05
-    tracking = track(recorded(MOTION, q=q), MOTION)
-
-    np.testing.assert_allclose(tracking.max_abs_position_error, [0, 0.4, 0, 0.05, 0], atol=1e-12)
-    np.testing.assert_array_equal(tracking.max_abs_speed_error, np.zeros(5))
+# --- head and motors ----------------------------------------------------------------------------
 
 
-# --- head ---------------------------------------------------------------------------------------
-
-
-def test_head_of_a_perfect_run_feels_nothing(robot, design):
-    head = track_head(recorded(design.motion), robot)
-    assert not head.felt.multiples.any() and not head.felt_from_angles.multiples.any()
-    np.testing.assert_array_equal(head.reference.specific_force, head.achieved.specific_force)
-
-
-def test_angles_alone_tilt_the_head(robot, design):
+@pytest.mark.parametrize("joint", [1, None])
+def test_angles_alone_tilt_the_head(robot, joint):
     """At rest with joint 2 off by 1 deg: gravity from the side, at once and for ever."""
     rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
-    off = np.radians([0, 1.0, 0, 0])
+    off = np.radians(1.0) * (np.arange(4) == joint)
     head = track_head(recorded(rest, q=rest.q + off), robot)
+    expected = 9.81 * np.sin(np.radians(1)) / 0.057 * (joint is not None)
     for felt in (head.felt, head.felt_from_angles):
-        np.testing.assert_allclose(felt.largest[4], 9.81 * np.sin(np.radians(1)) / 0.057)
-        assert felt.share == 1 and felt.worst_rotation[1] == 0
+        assert felt.largest[4] == pytest.approx(expected)
+        assert felt.share == (joint is not None) and felt.worst_rotation[1] == 0
 
 
 def test_speeds_alone_are_not_of_the_angles(robot):
@@ -147,36 +106,72 @@ def test_speeds_alone_are_not_of_the_angles(robot):
     assert head.felt.largest[2] > 2 and 0.4 < head.felt.share < 0.6
 
 
-# --- motors -------------------------------------------------------------------------------------
-
-LIMITS = SimpleNamespace(motor_torque_limit=np.array([10.0, 20, 5, 8, 1]))
-
-
-def torques():
-    t = MOTION.time
-    tau = np.zeros_like(MOTION.v)
-    tau[:, 0] = -3.0
-    tau[:, 1] = 12 * np.sin(2 * np.pi * t / 6)  # one whole period
-    tau[at(2), 2] = -5.0  # a single sample
-    tau[:, 3] = np.where(t < 3, 4.0, -8.0)
-    return tau
-
-
-def constant(tau):
-    """A run with torque that stays what it is over each period."""
-    return recorded(MOTION, tau_peak=np.abs(tau), tau_rms=np.abs(tau))
-
-
-def test_peak_and_rms_torque():
-    use = motor_use(constant(torques()), LIMITS)
-
+def test_torques_are_those_within_the_periods_and_shares_those_of_the_limits():
+    """The RMS of the first sample is that of no period; the peak counts."""
+    tau, limit = np.zeros_like(MOTION.v), np.array([10.0, 20, 5, 8, 1])
+    tau[:, 0], tau[200, 2], tau[0, 3] = 3.0, 5.0, 8.0
+    tau[:, 1] = np.abs(12 * np.sin(2 * np.pi * MOTION.time / 6))  # one whole period
+    run = recorded(MOTION, tau_peak=tau, tau_rms=0.5 * tau)
+    use = motor_use(run, SimpleNamespace(motor_torque_limit=limit))
     np.testing.assert_allclose(use.peak_torque, [3, 12, 5, 8, 0])
-    expected = [3, 12 / np.sqrt(2), 5 / np.sqrt(600), np.sqrt((299 * 16 + 301 * 64) / 600), 0]
-    np.testing.assert_allclose(use.rms_torque, expected, rtol=1e-12)
+    np.testing.assert_allclose(use.rms_torque, [1.5, 6 / np.sqrt(2), 2.5 / np.sqrt(600), 0, 0])
+    np.testing.assert_allclose(use.peak_share * limit, use.peak_torque)
+    np.testing.assert_allclose(use.rms_share * limit, use.rms_torque)
 
 
-def test_shares_are_of_the_motors_largest_torque():
-    use = motor_use(constant(torques()), LIMITS)
+# --- steps and how numbers are shown ------------------------------------------------------------
 
-    np.testing.assert_allclose(use.peak_share, [0.3, 0.6, 1.0, 1.0, 0.0])
-    np.testing.assert_allclose(use.rms_share * [10, 20, 5, 8, 1], use.rms_torque)
+
+@settings(max_examples=15)
+@given(st.floats(0.1, 0.8), st.floats(-5, 5), st.floats(0.5, 9), st.booleans())
+def test_metrics_of_an_analytic_step_scale_with_its_units(zeta, y0, size, falls):
+    """Second order, omega_n = 1: overshoot e^{-pi zeta / sqrt(1 - zeta²)} at pi / omega_d."""
+    t = np.linspace(0, 60, 60_001)
+    omega_d = np.sqrt(1 - zeta**2)
+    unit = 1 - np.exp(-zeta * t) * (np.cos(omega_d * t) + zeta / omega_d * np.sin(omega_d * t))
+    size = -size if falls else size
+    found = step_metrics(t + 7, y0 + size * unit, y0=y0, y_final=y0 + size)
+    assert found.overshoot_percent == pytest.approx(100 * np.exp(-np.pi * zeta / omega_d), abs=1e-3)
+    assert found.peak_time == pytest.approx(np.pi / omega_d, abs=1e-3)
+    assert found.peak == pytest.approx(y0 + size * (1 + found.overshoot_percent / 100))
+    rise = np.interp([0.1, 0.9], unit[: np.argmax(unit)], t[: np.argmax(unit)])
+    assert found.rise_time == pytest.approx(np.diff(rise)[0], abs=1e-6)
+    last = t[np.flatnonzero(np.abs(unit - 1) > 0.02)[-1]]
+    assert found.settling_time == pytest.approx(last, abs=2e-3)
+    assert found.steady_state_error == pytest.approx(size * (unit[-1] - 1), abs=1e-12)
+
+
+def test_a_step_that_does_not_arrive_has_no_times():
+    found = step_metrics([0, 1, 2], [0, 0.2, 0.5], y0=0, y_final=1)
+    assert np.isnan([found.rise_time, found.settling_time]).all()
+    assert (found.overshoot_percent, found.steady_state_error) == (0, -0.5)
+    at_once = step_metrics([3, 4], [1, 1], y0=0, y_final=1)
+    assert (at_once.rise_time, at_once.settling_time) == (0, 0)
+
+
+@given(st.floats(1e-4, 1e6))
+def test_plain_numbers_keep_four_digits_or_two_decimals(value):
+    for number in (value, -value):
+        shown = float(plain_number(number))
+        assert shown == pytest.approx(number, rel=6e-4) and "e" not in plain_number(number)
+    assert plain_number(3e-7) == "3.0e-07" and plain_number(0.0) == "0"
+
+
+def test_columns_are_in_the_unit_of_their_header():
+    position, share = np.array([0.1, 0.2]), np.array([0.25, np.nan])
+    columns = columns_of({"peak_torque_share": share, "max_abs_position_error": position, "x": 1})
+    assert [header for header, *_ in columns] == ["position [deg]", "torque peak [%]"]
+    np.testing.assert_allclose(
+        [values for *_, values in columns], [np.degrees(position), 100 * share]
+    )
+    assert METRICS["felt_share"].text(0.5) == "50.0" and METRICS["felt_share"].text(None) == "–"
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [("rms_speed_error_12", ("rms_speed_error", 12)), ("stretch", ("stretch", None)),
+     ("rms_speed_error_0", ("rms_speed_error_0", None)), ("own_2", ("own_2", None))],
+)  # fmt: skip
+def test_an_outcome_has_a_metric_and_a_joint(name, family):
+    assert family_of(name) == family
+    assert metric_of(name).title == getattr(METRICS.get(family[0]), "title", name)
