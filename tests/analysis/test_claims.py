@@ -25,43 +25,26 @@ GOOD, BAD, OPEN = VERDICTS
 # breaks the split, omega_n grows as the inertia falls, and CTC hardly lowers the largest error of
 # the coupled plant.
 EXPECTED = {
-    "figure4_pi": GOOD,
-    "figure4_p_in_feedback": GOOD,
-    "table1_i_eff_max": GOOD,
-    "table1_kp": GOOD,
-    "table1_ki": BAD,
-    "table1_zeta_max": GOOD,
-    "table1_zeta_median": OPEN,
-    "table1_zeta_min": OPEN,
-    "variation_joint_1": OPEN,
-    "variation_joint_2": GOOD,
-    "variation_joint_3": OPEN,
-    "variation_joint_4": BAD,
-    "omega_0k": BAD,
-    "bandwidth_rule": BAD,
-    "algorithm1_split": BAD,
-    "alleviating_sign": GOOD,
-    "ctc_improves_tracking": GOOD,
-    "pi_small_steady_error": GOOD,
-    "ctc_zero_steady_error": GOOD,
-    "joint2_errors_from_load_jumps": GOOD,
-    "joint2_pi_error_i_eff_max": OPEN,
-    "joint2_pi_error_i_eff_min": OPEN,
-    "deterioration_at_i_eff_min": OPEN,
-    "ctc_insensitive_to_inertia": GOOD,
-    "ctc_on_coupled_plant": BAD,
-    "ctc_steady_on_coupled_plant": BAD,
-}
+    id_: verdict
+    for verdict, ids in (
+        (GOOD, """
+        figure4_pi figure4_p_in_feedback table1_i_eff_max table1_kp table1_zeta_max
+        variation_joint_2 alleviating_sign ctc_improves_tracking pi_small_steady_error
+        ctc_zero_steady_error joint2_errors_from_load_jumps ctc_insensitive_to_inertia"""),
+        (BAD, """
+        table1_ki variation_joint_4 omega_0k bandwidth_rule algorithm1_split
+        ctc_on_coupled_plant ctc_steady_on_coupled_plant"""),
+        (OPEN, """
+        table1_zeta_median table1_zeta_min variation_joint_1 variation_joint_3
+        joint2_pi_error_i_eff_max joint2_pi_error_i_eff_min deterioration_at_i_eff_min"""),
+    )
+    for id_ in ids.split()
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def study(reproduction):
-    return reproduction
-
-
-@pytest.fixture(scope="module")
-def claims(study):
-    return {claim.id: claim for claim in judge_claims(study)}
+def claims(reproduction):
+    return {claim.id: claim for claim in judge_claims(reproduction)}
 
 
 def judged(study, id_):
@@ -82,14 +65,6 @@ def with_design(study, part, name, joints):
     before = getattr(study.design, part)
     after = replace(before, **{name: changed(getattr(before, name), joints)})
     return replace(study, design=overruled(study.design, **{part: after}))
-
-
-def with_inertia(study, name, joints):
-    return with_design(study, "inertia", name, joints)
-
-
-def with_gains(study, name, joints):
-    return with_design(study, "gains", name, joints)
 
 
 def with_step(study, structure, **metrics):
@@ -148,7 +123,7 @@ def test_verdicts_on_the_reference_device(claims):
         assert "{" not in claim.statement + claim.why, claim.id
 
 
-def test_reasons_have_the_numbers(claims, study):
+def test_reasons_have_the_numbers(claims, reproduction):
     for id_, words in {
         "variation_joint_4": "last link",
         "omega_0k": "0.312",
@@ -172,11 +147,11 @@ def test_reasons_have_the_numbers(claims, study):
     assert (min(share), max(share)) == pytest.approx((0.43, 0.90), abs=0.005)
     # The load jumps by twice |tau_coupled| <= 4031.
     assert split["printed"] == pytest.approx(2 * 4031, rel=1e-3) and split["consistent"] < 1e-9
-    errors = study.runs[AXIS_PI].tracking.constant_speed_error
+    errors = reproduction.runs[AXIS_PI].tracking.constant_speed_error
     expected = {"joint 2": errors[1], "joint 4": errors[3]}
     assert claims["pi_small_steady_error"].computed == expected
     for name, key in (("pi", COUPLED_PI), ("pi_ctc", COUPLED_CTC)):
-        tracking = study.runs[key].tracking
+        tracking = reproduction.runs[key].tracking
         error = tracking.constant_speed_error
         computed = claims["ctc_steady_on_coupled_plant"].computed[name]
         assert computed == {"joint 2": error[1], "joint 4": error[3]}
@@ -191,20 +166,15 @@ def test_reasons_have_the_numbers(claims, study):
     ("structure", "metric", "value", "verdict"),
     [
         ("pi", "rise_time", 0.0223, GOOD),
-        ("pi", "rise_time", 0.0235, BAD),
         ("pi", "rise_time", 0.0205, BAD),
-        ("pi", "settling_time", 0.1649, GOOD),
         ("pi", "settling_time", 0.167, BAD),
-        ("pi", "overshoot_percent", 13.6, GOOD),
-        ("pi", "overshoot_percent", 14.0, BAD),
         ("pi", "settling_time", math.nan, BAD),
-        ("p_in_feedback", "rise_time", 0.0955, BAD),
         ("p_in_feedback", "overshoot_percent", 0.005, GOOD),
         ("p_in_feedback", "overshoot_percent", 0.1, BAD),
     ],
 )
-def test_figure_4(study, structure, metric, value, verdict):
-    other = with_step(study, structure, **{metric: value})
+def test_figure_4(reproduction, structure, metric, value, verdict):
+    other = with_step(reproduction, structure, **{metric: value})
     assert judged(other, f"figure4_{structure}").verdict == verdict
 
 
@@ -219,18 +189,18 @@ def _at_max(study):
 
 CASES = {
     "table1_i_eff_max": [
-        (lambda s: with_inertia(s, "maximum", {3: 796.6}), BAD),
-        (lambda s: with_inertia(s, "maximum", {3: 796.34}), GOOD),
+        (lambda s: with_design(s, "inertia", "maximum", {3: 796.6}), BAD),
+        (lambda s: with_design(s, "inertia", "maximum", {3: 796.34}), GOOD),
     ],
     "table1_kp": [
-        (lambda s: with_gains(s, "kp", {1: 267.2}), BAD),
-        (lambda s: with_gains(s, "kp", {1: 267.06}), GOOD),
+        (lambda s: with_design(s, "gains", "kp", {1: 267.2}), BAD),
+        (lambda s: with_design(s, "gains", "kp", {1: 267.06}), GOOD),
     ],
-    "table1_ki": [(lambda s: with_gains(s, "ki", {4: 2.73e5}), GOOD)],
-    "table1_zeta_max": [(lambda s: with_gains(s, "kp", _kp(s, 1.0)), BAD)],
-    "omega_0k": [(lambda s: with_gains(s, "kp", _kp(s, math.sqrt(1 - 0.32**2))), GOOD)],
+    "table1_ki": [(lambda s: with_design(s, "gains", "ki", {4: 2.73e5}), GOOD)],
+    "table1_zeta_max": [(lambda s: with_design(s, "gains", "kp", _kp(s, 1.0)), BAD)],
+    "omega_0k": [(lambda s: with_design(s, "gains", "kp", _kp(s, math.sqrt(1 - 0.32**2))), GOOD)],
     "bandwidth_rule": [
-        (lambda s: with_inertia(s, "minimum", all_joints(s.design.inertia.maximum)), GOOD)
+        (lambda s: with_design(s, "inertia", "minimum", all_joints(s.design.inertia.maximum)), GOOD)
     ],
     "algorithm1_split": [
         (lambda s: with_loads(
@@ -294,41 +264,37 @@ CASES = {
 @pytest.mark.parametrize(
     ("id_", "change", "verdict"), [(id_, *case) for id_, cases in CASES.items() for case in cases]
 )
-def test_other_numbers_other_verdicts(study, id_, change, verdict):
-    assert judged(change(study), id_).verdict == verdict
+def test_other_numbers_other_verdicts(reproduction, id_, change, verdict):
+    assert judged(change(reproduction), id_).verdict == verdict
 
 
 @pytest.mark.parametrize("joint", [1, 2, 3, 4])
-def test_variation_of_each_joint(study, joint):
+def test_variation_of_each_joint(reproduction, joint):
     printed = float(paper.TABLE1["variation_percent"][joint - 1])
-    minimum = study.design.inertia.maximum[joint - 1] * (1 - printed / 100)
+    minimum = reproduction.design.inertia.maximum[joint - 1] * (1 - printed / 100)
     id_ = f"variation_joint_{joint}"
-    assert judged(with_inertia(study, "minimum", {joint: minimum}), id_).verdict == GOOD
-    other = with_inertia(study, "minimum", {joint: 1.01 * minimum})
+    assert (
+        judged(with_design(reproduction, "inertia", "minimum", {joint: minimum}), id_).verdict
+        == GOOD
+    )
+    other = with_design(reproduction, "inertia", "minimum", {joint: 1.01 * minimum})
     assert judged(other, id_).verdict == (BAD if joint in (2, 4) else OPEN)
 
 
-def test_size_and_lead_of_the_jump(study):
-    claim = judged(with_peak_and_jump(study, 2000, 1990, -1500), "joint2_errors_from_load_jumps")
+def test_size_and_lead_of_the_jump(reproduction):
+    claim = judged(
+        with_peak_and_jump(reproduction, 2000, 1990, -1500), "joint2_errors_from_load_jumps"
+    )
     assert claim.computed["jump"] == pytest.approx(1500)
     # From the sample that has the new load, or from the one before it.
     assert claim.computed["seconds_before_peak"] == pytest.approx(0.05, abs=0.0051)
-
-
-def test_a_changed_gain_leaves_other_verdicts_alone(study, claims):
-    other = {claim.id: claim for claim in judge_claims(with_gains(study, "ki", {4: 2.73e5}))}
-    different = {id_ for id_ in claims if claims[id_].verdict != other[id_].verdict}
-    # zeta and omega_n of joint 4 follow from K_IS,4; nothing else does.
-    assert "table1_ki" in different
-    assert different <= {"table1_ki", "table1_zeta_max", "bandwidth_rule"}
 
 
 @pytest.mark.parametrize(
     ("computed", "printed", "agrees"),
     [
         (0.954, "0.95", True), (0.956, "0.95", False), (0.946, "0.95", True),
-        (267.149, "267.1", True), (267.151, "267.1", False), (6.344e3, "6.34e3", True),
-        (6.346e3, "6.34e3", False), (5.2049e4, "5.2e4", True), (5.26e4, "5.2e4", False),
+        (267.151, "267.1", False), (5.2049e4, "5.2e4", True), (5.26e4, "5.2e4", False),
         (math.nan, "0.95", False), (math.inf, "0.95", False),
     ],
 )  # fmt: skip
