@@ -55,7 +55,7 @@ def test_table_of_controllers_is_what_compare_finds(reproduction, scenario):
     if scenario == "coupled_pi":
         runs = runs_of(reproduction, rows)
     else:
-        design = make_design(load_scenario(scenario, {"accuracy": COARSE}))
+        design = make_design(load_scenario(scenario))
         runs = compare(design, labels_of(rows))
     for row, found in zip(rows, runs, strict=True):
         position = np.rad2deg(found.tracking.max_abs_position_error)
