@@ -90,7 +90,9 @@ def test_angles_are_apart_the_short_way_round(robot):
     """170 deg to the right, felt as 170 to the left, is 20 deg off."""
     head = held(robot, [0, np.radians(170), 0, 0], samples=50)
     felt = feel(head, PERIOD, "clark2019")
-    own, true = quantities(replace(felt, gravity=felt.gravity * [1, -1, 1]), head)["roll"]
+    mirrored = replace(felt, gravity=felt.gravity * [1, -1, 1])
+    assert felt_apart(felt, mirrored)[0] == pytest.approx(np.radians(20), abs=1e-6)
+    own, true = quantities(mirrored, head)["roll"]
     assert (own[0], true[0]) == (pytest.approx(190), pytest.approx(170))
 
 
