@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from drive_readers import read_cam, read_csv, read_st, read_trajectory
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import read_table
@@ -24,6 +26,7 @@ from sdt_drake.machine.drive_files import (
     set_points,
     write_drive_table,
 )
+from sdt_drake.machine.drive_files.drives import SPEED_UNITS
 from sdt_drake.machine.drive_files.formats import samples_from_cam
 from sdt_drake.motion import Motion
 from sdt_drake.robot.dynamics import torque_groups
@@ -66,6 +69,32 @@ def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion
     own = samples_of(robot, motion, motion.period)
     links = torque_groups(robot, motion.q, motion.v, motion.vd).total
     np.testing.assert_allclose(own.tau, links + R**2 * ROTOR * motion.vd, atol=1e-8)
+
+
+@settings(max_examples=8)
+@given(
+    st.lists(st.integers(2**8, 2**22), min_size=4, max_size=4),
+    st.lists(st.floats(0.5, 100), min_size=4, max_size=4),
+    st.lists(st.sampled_from([1, -1]), min_size=4, max_size=4),
+    st.sampled_from(list(SPEED_UNITS)),
+    st.integers(-(10**6), 10**6),
+)
+def test_integers_are_read_back_within_their_rounding(
+    robot, motion, increments, ratios, signs, unit, zero
+):
+    """Positions to half an increment, and the sum of speeds to a unit, whatever the drives are."""
+    drives = drives_with(
+        increments=increments, gear_ratio=ratios, sign=signs, zero=[zero] * 4,
+        speed_unit=[unit] * 4, objects=[["607Ah", "60FFh"]] * 4,
+    )  # fmt: skip
+    samples = samples_of(robot, motion, 0.001)
+    points = set_points(robot, drives, samples)
+    back = samples_from(robot, drives, points, motion.q[0])
+    increment = 2 * np.pi / (np.array(increments) * ratios)  # rad of the joint
+    assert np.all(np.abs(back.q - samples.q) < 0.5001 * increment + 1e-9)
+    step = 0.001 / drives.speed_per_increment() * increment  # rad in a cycle at one unit
+    travelled = np.cumsum(back.v[:-1], axis=0) * 0.001
+    assert np.all(np.abs(travelled - (samples.q[1:] - samples.q[0])) < 1.0001 * step + 1e-9)
 
 
 @pytest.mark.parametrize(

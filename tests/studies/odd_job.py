@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import select
 import shutil
 import signal
+import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,8 +48,8 @@ class OddJob:
 
 def _act(what: str, folder: Path) -> None:
     if what == "hang":
-        (folder / "hangs").touch()
-        time.sleep(1000)
+        (folder / "hangs").open("w").close()  # where it is a pipe, its reader sees that
+        threading.Event().wait()
     elif what == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     elif what == "abort":
@@ -70,3 +72,15 @@ def _act(what: str, folder: Path) -> None:
 
 def process_of(row: Row) -> int:
     return int(row.outcomes[1])
+
+
+def wait_for_end(process: int) -> None:
+    """Wait until a process has ended; it need not be a child of this one."""
+    try:
+        descriptor = os.pidfd_open(process)
+    except ProcessLookupError:
+        return
+    try:
+        assert select.select([descriptor], [], [], 60)[0]
+    finally:
+        os.close(descriptor)

@@ -11,7 +11,6 @@ import threading
 from pathlib import Path
 from queue import SimpleQueue
 
-import numpy as np
 import pytest
 from odd_job import OddJob, process_of
 from small_studies import RUNS, rows
@@ -21,7 +20,6 @@ from sdt_drake.studies import cluster as module
 from sdt_drake.studies.cluster import Cluster, run_row
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import make_job
-from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.study import load_study
 
 distributed = pytest.importorskip("distributed")
@@ -102,35 +100,6 @@ def test_bit_for_bit_without_the_files_and_with_a_worker_that_dies(dask, desk, u
     assert killed and not set(killed) & set(dask.workers())
     assert rows(desk / "many").equals(rows(undisturbed))
     assert told == [(done, 0, RUNS) for done in range(RUNS + 1)]
-
-
-def test_interrupted(dask, desk, undisturbed):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sdt_drake", "study", "many.yaml", "--cluster", dask.address],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    line = process.stdout.readline()
-    while line.startswith("0 of"):
-        line = process.stdout.readline()
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate()
-
-    assert (process.returncode, err) == (130, "")
-    done, whole = (read_study_table(folder) for folder in (desk / "many", undisturbed))
-    assert 0 < len(done) < RUNS
-    np.testing.assert_array_equal(done.outcome("felt_share"), whole.outcome("felt_share")[done.row])
-
-
-def test_rows_that_hang_or_end_their_process(connect, tmp_path):
-    """They cost themselves alone; the process of a thread stays for the next row."""
-    cluster = connect(OddJob(str(tmp_path), {0: "hang", 9: "abort"}, timeout=1.0))
-    rows = [future.result() for future in [cluster.submit(number, {}) for number in range(40)]]
-    assert [row.number for row in rows] == [*range(40)]
-    others = [row for row in rows if row.number not in (0, 9)]
-    assert (rows[0].status, rows[9].status) == ("timed_out", "crashed")
-    assert {row.status for row in others} == {"ok"} and len(set(map(process_of, others))) <= 5
 
 
 def test_workers_with_other_versions(connect, tmp_path):

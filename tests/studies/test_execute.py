@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 from concurrent.futures import Future
 from queue import SimpleQueue
 
@@ -36,22 +35,6 @@ def test_ctrl_c_comes_after_the_messages_before_it_and_nowhere_else():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_ctrl_c_ends_the_waiting():
-    inbox = SimpleQueue()
-    thread = threading.Timer(0.05, signal.pthread_kill, [threading.get_ident(), signal.SIGINT])
-    with pytest.raises(KeyboardInterrupt), _signals_into(inbox.put):
-        thread.start()
-        raise inbox.get()
-
-
-def test_ctrl_c_that_nobody_waited_for_comes_at_the_end():
-    done = []
-    with pytest.raises(KeyboardInterrupt), _signals_into(done.append):
-        interrupt()
-        done.append("all")
-    assert done[1:] == ["all"]
-
-
 def test_the_first_signal_is_told_to_its_own_handler():
     told = []
     before = {
@@ -64,25 +47,6 @@ def test_the_first_signal_is_told_to_its_own_handler():
     for number, handler in before.items():
         signal.signal(number, handler)
     assert told == [signal.SIGTERM]
-
-
-def test_what_is_ignored_stays_ignored():
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with _signals_into(lambda message: None):
-        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
-    signal.signal(signal.SIGHUP, before)
-
-
-def test_in_other_threads_signals_are_left_alone():
-    inbox = SimpleQueue()
-
-    def act() -> None:
-        before = signal.getsignal(signal.SIGINT)
-        with _signals_into(inbox.put):
-            inbox.put(signal.getsignal(signal.SIGINT) == before)
-
-    threading.Thread(target=act).start()
-    assert inbox.get() is True
 
 
 class Rows:

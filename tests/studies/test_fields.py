@@ -11,7 +11,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
-from sdt_drake.studies.fields import field_names, find_field
+from sdt_drake.studies.fields import find_field
 from sdt_drake.studies.study import load_study
 
 
@@ -67,15 +67,6 @@ def test_the_label_of_a_controller_changes_two_fields():
     field = find_field("controller")
     assert field.type is ControllerChoice
     assert [x.name for x in field.touched] == ["controller.kind", "controller.feedforward"]
-
-
-def test_every_listed_name_is_a_field():
-    names = field_names()
-    assert len(names) > 40
-    for name in names:
-        field = find_field(name)
-        assert field.type in (float, bool, str)
-        assert field.entry is None and ".".join(field.parts) == name
 
 
 @pytest.mark.parametrize(

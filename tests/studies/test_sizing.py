@@ -10,13 +10,11 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from matplotlib.markers import MarkerStyle
 from synthetic import table_of
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import find_file
 from sdt_drake.robot.motors import DeviceChoice
-from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
 from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable
@@ -197,11 +195,6 @@ def verdicts():
     return judge_candidates(SMALL, sized(SMALL, story))
 
 
-def test_every_candidate_is_judged_with_every_controller(verdicts):
-    pairs = [(v.controller, v.candidate) for v in verdicts]
-    assert pairs == [(c, x) for c in SMALL.controllers for x in candidates(SMALL)]
-
-
 def test_the_worst_motion_counts(verdicts):
     first = verdicts[0]  # pi, AC-150, TM-2860, 0.8
     assert first.worst["max_abs_speed_error_2"] == (0.3, "reference")
@@ -236,16 +229,6 @@ def test_light_motors_count_more_than_a_light_structure():
     assert recommend([light, exact], "pi") is exact
 
 
-def test_what_is_equally_heavy_is_so_in_any_order(monkeypatch):
-    """Else round-off, not structure and error, would choose between equal motor sets."""
-    monkeypatch.setattr(Sizing, "masses", {"A": 35.1, "B": 60.2, "C": 85.3})
-    three = dataclasses.replace(
-        SMALL, motors=[["A", "B", "C"]] * 3, requirements=Requirements([0.1])
-    )
-    verdicts = judge_candidates(three, sized(three, lambda inputs: "too weak"))
-    assert {v.mass for v in verdicts if len(set(v.candidate.motors)) == 3} == {180.6}
-
-
 def never(inputs):
     """`pi` misses a requirement in every motion."""
     return {**GOOD, "max_abs_speed_error_1": 0.5 if inputs["controller"] == "pi" else 0.0}
@@ -276,13 +259,6 @@ def test_the_answer_comes_first_and_the_lines_agree_with_the_table(outcome, file
     lines = sizing_lines(SMALL, verdicts)
     assert front_of(verdicts).any() == lines[0].startswith("The lightest motors")
     file_regression.check("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def test_failed_runs_are_no_verdict():
-    table = sized(SMALL, failing)
-    table = dataclasses.replace(table, status=np.where(table.ok, "ok", "failed"))
-    verdicts = judge_candidates(SMALL, table)
-    assert [v.judged for v in verdicts] == [True, True, False, False] * 2 + [False] * 8
 
 
 def test_what_cannot_do_a_motion_is_not_the_nearest():
@@ -344,14 +320,6 @@ def test_each_controller_has_a_front_of_its_own():
     front = [v for v, on in zip(verdicts, front_of(verdicts), strict=True) if on]
     assert {v.controller for v in front} == {"pi", "pi_id"}
     assert {v.candidate.motors for v in front} == {("AC-150", "TM-2860")}
-
-
-def test_the_front_is_drawn_as_its_legend_says(verdicts):
-    figure = plots_front.sizing_front("t", verdicts)
-    lines = [*figure.legends[0].get_lines(), *(ax.lines[0] for ax in figure.axes)]
-    assert {line.get_marker() for line in lines} == {"o"}
-    shapes = {len(dots.get_paths()[0].vertices) for ax in figure.axes for dots in ax.collections}
-    assert shapes == {len(MarkerStyle("o").get_path().vertices)}
 
 
 def test_errors_that_differ_by_less_than_their_accuracy_are_equal():

@@ -82,24 +82,12 @@ def test_an_export_of_another_program_is_refused(tmp_path):
         Store(tmp_path)
 
 
-def test_a_row_is_there_once(written):
-    with Store(written) as store, pytest.raises(InputError, match=r"UNIQUE .*3 runs are kept"):
-        store.append(ROWS[0], INPUTS)
-
-
 @pytest.mark.parametrize("content", [b"", b"nonsense" * 1000, b"SQLite format 3\0" + bytes(100)])
 def test_garbage_is_refused_and_kept(tmp_path, content):
     (tmp_path / DATABASE).write_bytes(content)
     with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \(.*\), expected the fi"):
         Store(tmp_path)
     assert (tmp_path / DATABASE).read_bytes() == content
-
-
-def test_a_cut_off_file_is_refused(written):
-    file = written / DATABASE
-    file.write_bytes(file.read_bytes()[:-4096])
-    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used"), Store(written) as store:
-        list(store.groups())
 
 
 def test_a_database_of_something_else_is_refused(tmp_path):
@@ -121,12 +109,6 @@ def test_one_process_at_a_time(tmp_path):
     with alone_in(tmp_path, pytest.fail):
         pass
     assert tmp_path.exists()
-
-
-def test_other_rows_may_be_read_meanwhile(written):
-    with Store(written) as store, Store(written) as reader:
-        store.append(Row(1, "ok", "", 0.5, (1.0, 2.0)), INPUTS)
-        assert reader.done() == {0, 1, 2, 3}
 
 
 def test_inputs_that_differ_in_capital_letters_alone_are_refused(tmp_path):
@@ -198,10 +180,3 @@ def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp
         pass
     with opened(job, tmp_path, resume=False):
         assert holds_study(tmp_path)
-
-
-def test_an_unfinished_study_of_an_older_version_is_refused(tmp_path):
-    (tmp_path / "rows.jsonl").write_text("")
-    assert holds_study(tmp_path)
-    with pytest.raises(InputError, match=r"an unfinished study of version 0\.3 or older"):
-        Store(tmp_path)

@@ -115,23 +115,6 @@ def test_a_package_that_cannot_be_loaded(refuse, monkeypatch):
     assert "pip" not in said
 
 
-def test_cluster_that_cannot_be_reached(refuse, monkeypatch):
-    pytest.importorskip("distributed")
-    monkeypatch.setattr("sdt_drake.studies.cluster._CONNECT_TIMEOUT", 0.3)
-    assert "--cluster tcp://127.0.0.1:1: cannot be reached" in refuse(
-        "few.yaml", "--cluster", "tcp://127.0.0.1:1"
-    )
-
-
-@pytest.mark.parametrize("package", ["pebble", "distributed"])
-def test_package_that_is_not_installed(refuse, monkeypatch, package):
-    modules = (package, "sdt_drake.studies.pool", "sdt_drake.studies.cluster")
-    for name in [name for name in sys.modules if name in modules or name.split(".")[0] == package]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, package, None)
-    assert "pip install 'sdt_drake[" in refuse("few.yaml", "--cluster", "tcp://127.0.0.1:1")
-
-
 def test_folder_of_a_study(refuse, desk, undisturbed):
     """Neither overwritten, nor taken for another study."""
     shutil.copytree(undisturbed, desk / "mc")
@@ -233,11 +216,10 @@ def test_bad_repeat(refuse, undisturbed, arguments, message):
     assert message in refuse("repeat", undisturbed, *arguments.split())
 
 
-@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
-def test_streams_that_the_caller_has_closed(desk, closed):
+def test_streams_that_the_caller_has_closed(desk):
     """Their numbers must not go to pipes and files of the processes."""
     command = [sys.executable, "-m", "sdt_drake", "study", "few.yaml"]
-    done = subprocess.run(["sh", "-c", f'"$@" {closed}', "sh", *command], capture_output=True)
+    done = subprocess.run(["sh", "-c", '"$@" <&- >&- 2>&-', "sh", *command], capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")
     assert len(rows(desk / "few")) == 6
 

@@ -9,7 +9,6 @@ import pytest
 from synthetic import make_table, small_table
 
 from sdt_drake.studies.summary import (
-    PERCENTS,
     count_statuses,
     explained_share,
     percentiles,
@@ -64,17 +63,6 @@ def test_percentiles_are_of_the_runs_that_are_ok():
     assert usable(table, "y").sum() == 101
 
 
-@pytest.mark.parametrize("count", [2, 8, 20, 30, 250])
-def test_so_many_runs_do_not_exceed_a_percentile(generator, count):
-    y = generator.normal(size=count) ** 3
-    for percent, value in zip(PERCENTS, percentiles(small_table(y), "y"), strict=True):
-        assert np.mean(y < value) < percent / 100 <= np.mean(y <= value)
-
-
-def test_percentiles_of_nothing():
-    assert np.isnan(percentiles(small_table(np.full(3, np.nan)), "y")).all()
-
-
 def test_worst_runs(table):
     worst = worst_runs(table, "max_abs_speed_error", 4)
     values = table.outcome("max_abs_speed_error")
@@ -84,16 +72,6 @@ def test_worst_runs(table):
 
 
 # --- what matters ----------------------------------------------------------------------------
-
-
-def test_a_linear_sum_of_uniforms(generator):
-    a = np.array([1.0, 2.0, 3.0, 0.0])
-    x = generator.uniform(size=(4000, 4))
-    table = small_table(x @ a, **{f"x{k}": x[:, k] for k in range(4)})
-    shares = sensitivity(table, "y")
-    assert list(shares) == ["x2", "x1", "x0", "x3"]
-    for k, exact in enumerate(a**2 / np.sum(a**2)):
-        assert shares[f"x{k}"].value == pytest.approx(exact, abs=0.02)
 
 
 def test_the_ishigami_function(generator):
@@ -166,11 +144,6 @@ def test_in_a_full_grid_nothing_is_chance(rows, columns):
     assert explained_share(x[rest], y[rest], np.zeros(rest.sum(), dtype=int)).error != 0
 
 
-def test_numbers_of_few_values_are_levels(generator):
-    x = generator.integers(3, size=600).astype(float)
-    assert explained_share(x, np.array([0, 5, 1])[x.astype(int)]) == pytest.approx((1, 0))
-
-
 def test_runs_without_the_input_are_left_out(generator):
     x = generator.uniform(size=500)
     with_holes = np.where(np.arange(500) % 2, x, np.nan)
@@ -217,7 +190,3 @@ def test_tornado_of_texts():
     (swing,) = tornado(small_table([1, 5, 3, 2, 6, 3], c=list("abcabc")), "y")
     assert (swing.low_level, swing.high_level) == ("a", "b")
     assert (swing.low, swing.high) == (1.5, 5.5)
-
-
-def test_tornado_of_no_runs():
-    assert tornado(small_table(np.full(3, np.nan), x=np.arange(3.0)), "y") == []

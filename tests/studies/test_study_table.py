@@ -69,12 +69,6 @@ def test_every_family_has_title_and_unit():
     assert metric_of("peak_torque_share_1").factor == 100
 
 
-def test_an_outcome_that_is_not_known_is_shown_as_it_is():
-    assert family_of("overshoot_3") == ("overshoot_3", None)
-    assert metric_of("overshoot_3")[:3] == ("overshoot_3", "", 1)
-    assert metric_of("overshoot_3").label == "overshoot_3"
-
-
 def test_runs_of_one_draw_have_its_random_inputs():
     folder = Path(__file__).parents[2] / "diagrams" / "studies" / "monte_carlo"
     table = results.read_study_table(folder)
@@ -109,13 +103,3 @@ def test_what_a_designer_chooses():
 )
 def test_a_front_by_hand(cost, error, expected):
     assert pareto(cost, error).tolist() == list(map(bool, expected))
-
-
-def test_no_point_beats_one_of_the_front():
-    rng = np.random.default_rng(0)
-    cost, error = rng.integers(0, 12, size=(2, 200)).astype(float)  # many are equal
-    error[rng.random(200) < 0.1] = np.nan
-    as_good = (cost <= cost[:, None]) & (error <= error[:, None])
-    better = (cost < cost[:, None]) | (error < error[:, None])
-    beaten = (as_good & better).any(axis=1)
-    np.testing.assert_array_equal(pareto(cost, error), ~beaten & ~np.isnan(error))
