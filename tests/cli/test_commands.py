@@ -9,6 +9,7 @@ import csv
 import json
 import re
 import shlex
+import zipfile
 from pathlib import Path
 
 import command_line
@@ -115,6 +116,10 @@ def in_short(path, folder) -> str:
         with path.open(encoding="utf-8", newline="") as file:
             header, *rows = csv.reader(file)
         columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    elif path.suffix == ".fmu":
+        with zipfile.ZipFile(path) as fmu:
+            count = fmu.read("modelDescription.xml").count(b'causality="input"')
+        return f"{name}: {count} inputs"
     elif path.suffix == ".svg":
         count = path.read_text(encoding="utf-8").count('<g id="axes_')
         return f"{name}: {count} axes"
