@@ -149,7 +149,7 @@ def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_pa
     del recorded.signals["q"]
     result = replayed(made, recorded)
     assert result.difference("torque").max() > 10
-    assert replay_findings(result)[-1].startswith("No positions were recorded")
+    assert any(x.startswith("No positions were recorded") for x in replay_findings(result))
 
 
 def test_a_feedforward_that_a_controller_cannot_take_is_said_to_be_left_out(designed, tmp_path):
@@ -204,7 +204,7 @@ def test_nothing_is_said_of_the_law_of_joints_without_a_torque(designed, tmp_pat
     recorded.signals["tau"][:, 1:3] = 0
     recorded.signals["tau"][:, 3] *= 0.1
     said = replay_findings(replayed(made, recorded))
-    assert "would ask joint 4 for" in said[-1]
+    assert any("controller commands joint 4 a torque" in line for line in said)
 
 
 def test_a_load_is_smoothed_in_phase():

@@ -212,7 +212,7 @@ def test_a_chapter_has_what_matters_most(copied, undrawn):
     chapter = report.study_chapter(copied)
     text = render("study_chapter.md.j2", study=chapter)
     assert text.startswith("## Study many\n") and text.count("\n| --- |") == 1
-    assert " runs, which" in text and (copied / "tornado.svg").exists()
+    assert " runs that differ in" in text and (copied / "tornado.svg").exists()
     for name in re.findall(r"\]\((.*)\.png\)", text):  # as seen from the folder above
         assert (copied.parent / f"{name}.svg").is_file()
 
