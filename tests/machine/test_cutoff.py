@@ -58,7 +58,7 @@ def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
 def test_held_out_data_do_not_change_the_cutoff(robot, clean):
     tau = clean.signals["tau"].copy()
     tau[1400:] += 1e3 * np.random.default_rng(4).normal(size=tau[1400:].shape)
-    one, other = (identify(robot, [x], only="friction") for x in (clean, changed(clean, tau=tau)))
+    one, other = (identify(robot, [x]) for x in (clean, changed(clean, tau=tau)))
     assert one.cutoff == other.cutoff
 
 
