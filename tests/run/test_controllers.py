@@ -14,19 +14,8 @@ from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
-from sdt_drake.run.controllers import (
-    Controller,
-    Pi,
-    make_controller,
-    predicts_updates,
-    register_controller,
-)
+from sdt_drake.run.controllers import Pi, make_controller, register_controller
 from sdt_drake.run.kinds import CONTROLLERS
-
-# --- what they tell --------------------------------------------------------------------------
-
-
-# --- one's own -------------------------------------------------------------------------------
 
 
 class Mine(Pi):
@@ -47,6 +36,18 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
     assert plain.needs == of_pi.needs and len(fed.needs) > len(of_pi.needs)
     assert not np.array_equal(fed.recording.v, plain.recording.v)
 
+    known = dict(CONTROLLERS)
+    for name, controller, message in (
+        ("a+b", Mine, "expected a name of letters"),
+        (None, Mine, "expected a name of letters"),
+        ("pi", Mine, "'pi': ships with the package"),
+        ("mine", LeafSystem, "expected a class that derives"),
+        ("mine", "Mine", "expected a class that derives"),
+    ):
+        with pytest.raises(InputError, match=message):
+            register_controller(name, controller)
+    assert known == CONTROLLERS
+
     scenario = with_controller(base.scenario, "mine")
     check(scenario)
     scenario.controller.anti_windup = True
@@ -58,31 +59,8 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
         check(scenario)
 
 
-@pytest.mark.parametrize(
-    ("name", "controller", "message"),
-    [
-        ("", Mine, "expected a name of letters"),
-        ("a+b", Mine, "expected a name of letters"),
-        ("1st", Mine, "expected a name of letters"),
-        (None, Mine, "expected a name of letters"),
-        ("pi", Mine, "'pi': ships with the package"),
-        ("mine", LeafSystem, "expected a class that derives"),
-        ("mine", Mine.__init__, "expected a class that derives"),
-        ("mine", "Mine", "expected a class that derives"),
-    ],
-)
-def test_bad_registrations_are_refused(name, controller, message):
-    before = dict(CONTROLLERS)
-    with pytest.raises(InputError, match=message):
-        register_controller(name, controller)
-    assert before == CONTROLLERS
-
-
-# --- systems ---------------------------------------------------------------------------------
-
 WIRED = [
     ("pi", {}),
-    ("pi", {"structure": "pi"}),
     ("pi_ctc", {}),
     ("pi_id", {}),
     ("p_pi", {}),
@@ -116,10 +94,9 @@ class Commanding(Alone):
 
 
 @pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
-def test_command_after_updates_is_that_of_the_system(designed, kind, choices):
-    """From the command just before them, with the state and the speeds that it has there."""
+def test_command_after_updates_and_at_rest_is_that_of_the_system(designed, kind, choices):
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
-    design = designed("coupled_pi", fields, start=2.0, end=3.0)
+    design = designed("coupled_pi", fields, start=2.0, end=3.0, rest=2)
     rng = np.random.default_rng(3)
     measured = rng.normal(size=(4, 8)) + np.hstack([design.motion.q, design.motion.v])[97:101]
     held = np.array([97, 98, 99])
@@ -131,12 +108,6 @@ def test_command_after_updates_is_that_of_the_system(designed, kind, choices):
             commands.append(wired.command(q, q_v[4:], integral))
     told = wired.system.after_updates(np.array([*before, before[0]]), measured, held)
     np.testing.assert_allclose(told, after, rtol=1e-9, atol=1e-6)
-
-
-@pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
-def test_starts_with_a_command_on_the_reference(designed, kind, choices):
-    fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
-    design = designed("coupled_pi", fields, end=0.1, rest=2)
     wired, tau_cmd = Commanding(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
     wired.system.rest(wired.context, tau_cmd)
     command = wired.command(design.motion.q[0], design.motion.v[0])
@@ -166,18 +137,6 @@ def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, str
     wired.give(reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
     command = wired.command(motion.q[0], motion.v[0])
     np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
-
-
-def test_what_a_controller_need_not_tell(designed):
-    """By default: nothing known of its command, nothing to do at the start, no options."""
-
-    class Bare(LeafSystem, Controller):
-        pass
-
-    design = designed("coupled_pi", end=0.1)
-    bare = Bare()
-    bare.rest(bare.CreateDefaultContext(), np.zeros(4))
-    assert not predicts_updates(bare) and Bare.options == () and Bare.in_words(design) == "Bare"
 
 
 def test_linear_gains_are_scheduled_with_the_inertia(designed):

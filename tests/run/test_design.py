@@ -8,9 +8,8 @@ from pydrake.multibody.tree import MultibodyForces
 from variants import kind
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.run.scenario import ControllerChoice
 from sdt_drake.systems.gains import tune
 
@@ -18,25 +17,14 @@ R = np.array([67.2, 1, 1, 1])
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
 OMEGA_R = 65.991  # rad/s
 ZETA = [0.95, 0.98, 0.99, 0.95]
-FRICTION = Friction(
-    [300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0], [450.0, 60.0, 10.0, 50.0], 0.03
-)
-OMEGA = np.array([90.0, 120.0, 150.0, 80.0])  # rad/s
+SLIDING = [[300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0], [450.0, 60.0, 10.0, 50.0]]
 LIGHT = Deviation(payload_mass=-40.0)
 
 
 @pytest.fixture
 def make(designed):
-    """A design of the coupled plant with changed fields of its controller, plant or drive."""
-
-    def make(name="pi", *, scenario="coupled_pi", friction=None, elasticity=None, **controller):
-        plant = {
-            "plant.friction": friction or Friction(),
-            "plant.elasticity": elasticity or Elasticity(),
-        }
-        return designed(scenario, kind(name, **controller) | plant)
-
-    return make
+    """A design of the coupled plant with changed fields of its controller."""
+    return lambda name="pi", **controller: designed("coupled_pi", kind(name, **controller))
 
 
 def inverse_dynamics(robot, motion):
@@ -60,55 +48,34 @@ def link_inertia(robot, motion):
     return np.array(diagonals) - R**2 * ROTORS
 
 
-def sliding(v):
-    """Coulomb, Stribeck and viscous friction, joint side."""
-    f_c, b, f_b = (np.array(x) for x in (FRICTION.coulomb, FRICTION.viscous, FRICTION.breakaway))
-    s = v / 0.03
-    return f_c * np.sign(v) + (f_b - f_c) * s * np.exp(0.5 - s**2 / 2) + b * v
-
-
-# --- torque feedforward ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", ["pi_id", "p_pi", "pi_scheduled"])
-def test_id_is_drakes_inverse_dynamics_with_the_rotors(make, kind):
-    design = make(kind, feedforward=None if kind == "pi_id" else "id")
-    assert design.tau_ff.shape == design.motion.v.shape
+@pytest.mark.parametrize("label", ["pi_id", "p_pi+id"])
+def test_id_is_drakes_inverse_dynamics_with_the_rotors(make, label):
+    design = make(label)
     expected = inverse_dynamics(design.robot, design.motion) / R
     np.testing.assert_allclose(design.tau_ff[::100], expected, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["pi", "p_pi", "inverse_dynamics"])
-def test_friction_compensation_alone(make, kind):
-    design = make(kind, friction=FRICTION, friction_compensation=True)
-    np.testing.assert_allclose(design.tau_ff, sliding(design.motion.v) / R, rtol=1e-12, atol=1e-12)
-    assert np.abs(design.tau_ff).max(axis=0).min() > 1
-
-
-def test_friction_compensation_is_added_after_the_gain(make):
-    gain = [0.5, 1.2, 0.0, -1.0]
-    design = make("pi_id", friction=FRICTION, friction_compensation=True, feedforward_gain=gain)
-    expected = gain * make("pi_id").tau_ff + sliding(design.motion.v) / R
+def test_friction_compensation_is_added_after_the_gain(designed):
+    """Coulomb, Stribeck and viscous friction."""
+    gain, (f_c, b, f_b) = [0.5, 1.2, 0.0, -1.0], np.array(SLIDING)
+    changes = kind("pi_id", friction_compensation=True, feedforward_gain=gain)
+    design = designed("coupled_pi", changes | {"plant.friction": Friction(*SLIDING, 0.03)})
+    v, s = design.motion.v, design.motion.v / 0.03
+    friction = f_c * np.sign(v) + (f_b - f_c) * s * np.exp(0.5 - s**2 / 2) + b * v
+    expected = gain * designed("coupled_pi", kind("pi_id")).tau_ff + friction / R
     np.testing.assert_allclose(design.tau_ff, expected, rtol=1e-12, atol=1e-12)
-
-
-# --- a wrong model ---------------------------------------------------------------------------
 
 
 def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
     right, wrong = make("pi_id"), make("pi_id", model=LIGHT)
     # 180 kg with the payload, 140 kg without a part of it.
-    assert wrong.model.plant.CalcTotalMass(wrong.model.plant.CreateDefaultContext()) == (
-        pytest.approx(6570.0)
-    )
+    mass = wrong.model.plant.CalcTotalMass(wrong.model.plant.CreateDefaultContext())
+    assert mass == pytest.approx(6570.0)
     assert wrong.robot is right.robot
-    for name in ("load_torque", "alleviating_torque"):
-        np.testing.assert_array_equal(getattr(wrong.loads, name), getattr(right.loads, name))
-    for name in ("maximum", "median", "minimum"):
-        np.testing.assert_array_equal(getattr(wrong.inertia, name), getattr(right.inertia, name))
+    np.testing.assert_array_equal(wrong.loads, right.loads)
+    np.testing.assert_array_equal(wrong.inertia.maximum, right.inertia.maximum)
     np.testing.assert_array_equal(wrong.i_eff, right.i_eff)
     np.testing.assert_array_equal(wrong.torques.total, right.torques.total)
-
     expected = inverse_dynamics(wrong.model, wrong.motion) / R
     np.testing.assert_allclose(wrong.tau_ff[::100], expected, rtol=1e-9, atol=1e-9)
     assert np.all(np.abs(wrong.tau_ff - right.tau_ff).max(axis=0) > 1e-3 * right.tau_ff.max(axis=0))
@@ -116,8 +83,7 @@ def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
 
 @pytest.mark.parametrize("scale", [0.8, 1.25])
 def test_gains_are_tuned_to_the_model(make, scale):
-    errors = Deviation(inertia_scale=scale)
-    design = make(model=errors)
+    design = make(model=Deviation(inertia_scale=scale))
     links = link_inertia(design.robot, design.motion).max(axis=0)
     expected = tune(ROTORS + scale * links / R**2, OMEGA_R, ZETA)
     np.testing.assert_allclose(design.gains.kp, expected.kp, rtol=1e-9)
@@ -125,33 +91,11 @@ def test_gains_are_tuned_to_the_model(make, scale):
     np.testing.assert_allclose(design.omega_n, OMEGA_R / 2, rtol=1e-12)
 
 
-def test_ctc_of_a_wrong_model_is_algorithm_1_of_that(make):
-    design = make("pi_ctc", model=LIGHT)
-    motion, model = design.motion, deviated(design.robot, LIGHT)
-    torques = torque_groups(model, motion.q, motion.v, motion.vd)
-    expected = decouple(torques.inertial, torques.coupled, R).load_torque
-    np.testing.assert_array_equal(design.tau_ff, expected)
-    assert np.abs(design.tau_ff - design.loads.load_torque).max() > 1
-
-
-def test_elastic_joints_are_those_of_the_plant_whatever_the_model(make):
-    right, wrong = (
-        make(elasticity=Elasticity(OMEGA.tolist()), model=model) for model in (Deviation(), LIGHT)
-    )
-    np.testing.assert_array_equal(wrong.springs.stiffness, right.springs.stiffness)
-
-
-# --- inertia, gains, position loop -----------------------------------------------------------
-
-
 @pytest.mark.parametrize("model", [Deviation(), LIGHT], ids=["right", "wrong"])
 def test_inertia_share_is_1_where_the_inertia_is_largest(make, model):
     design = make(model=model)
     i_eff = ROTORS + link_inertia(design.model, design.motion) / R**2
     share = design.inertia_share
-    assert np.all(share > 0)
-    np.testing.assert_array_equal(share.max(axis=0), 1)
-    np.testing.assert_array_equal(share[i_eff.argmax(axis=0), range(4)], 1)
     np.testing.assert_allclose(share, i_eff / i_eff.max(axis=0), rtol=1e-9)
     assert share.min(axis=0)[:2].max() < 0.95
 
@@ -160,33 +104,6 @@ def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
     np.testing.assert_allclose(make("p_pi").position_gain, OMEGA_R / 8, rtol=1e-12)
     given = make("p_pi", position_gain=[1.0, 2.0, 3.0, 4.0]).position_gain
     np.testing.assert_array_equal(given, [1, 2, 3, 4])
-
-
-# --- elastic joints --------------------------------------------------------------------------
-
-
-def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make):
-    """Gravity by the curvature of the potential energy."""
-    omega = OMEGA * [1, 1, 0, 1]
-    design = make(elasticity=Elasticity(omega.tolist(), damping_ratio=0.02))
-    inertia = link_inertia(design.robot, design.motion)
-    plant, context = design.robot.plant, design.robot.plant.CreateDefaultContext()
-    gravity, h = np.zeros(4), 1e-3
-    for k in range(4):
-        q = design.motion.q[inertia[:, k].argmax()]
-        energies = []
-        for shift in (-h, 0, h):
-            plant.SetPositions(context, q + shift * np.eye(4)[k])
-            energies.append(plant.CalcPotentialEnergy(context))
-        gravity[k] = (energies[0] - 2 * energies[1] + energies[2]) / h**2
-    assert np.abs(gravity).max() > 100
-    d = inertia.max(axis=0)
-    elastic = design.springs
-    np.testing.assert_array_equal(elastic.elastic, [True, True, False, True])
-    squares = (elastic.stiffness + gravity * elastic.elastic) / d
-    np.testing.assert_allclose(squares, omega**2, rtol=1e-5)
-    np.testing.assert_allclose(elastic.damping, 0.04 * omega * d, rtol=1e-9)
-    assert elastic.stiffness[2] == 0
 
 
 @pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
@@ -198,8 +115,6 @@ def test_springs_stay_whatever_they_carry(designed, name):
     np.testing.assert_array_equal(heavier.springs.damping, nominal.springs.damping)
 
 
-# --- what is refused -------------------------------------------------------------------------
-
 SPRINGS = "plant.elasticity"
 FREQUENCY = r"plant\.elasticity\.natural_frequency"
 
@@ -207,16 +122,10 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
 @pytest.mark.parametrize(
     ("name", "fields", "message"),
     [
-        *(
-            (name, {SPRINGS: Elasticity([0.0, 0.0, 1e6, 0.0])},
-             rf"{FREQUENCY}: gives joint 3 a pole at \S+ rad/s, expected less than 2e\+05$")
-            for name in ("axis_pi", "coupled_pi")
-        ),
-        *(
-            ("coupled_pi", {SPRINGS: Elasticity([0.0, omega, 0.0, 0.0])},
-             r"plant\.elasticity[.:] ?natural_frequency.* joint 2")
-            for omega in (1e160, 1e308)  # without a number
-        ),
+        ("coupled_pi", {SPRINGS: Elasticity([0.0, 0.0, 1e6, 0.0])},
+         rf"{FREQUENCY}: gives joint 3 a pole at \S+ rad/s, expected less than 2e\+05$"),
+        ("coupled_pi", {SPRINGS: Elasticity([0.0, 1e308, 0.0, 0.0])},
+         r"plant\.elasticity[.:] ?natural_frequency.* joint 2"),  # without a number
         # A hanging gondola swings by itself, faster than at 0.1 rad/s.
         ("coupled_pi", {SPRINGS: Elasticity([0.0, 0.1, 0.1, 0.0])},
          rf"{FREQUENCY}: 0\.1 rad/s, but gravity alone makes joint \d swing with "
@@ -224,32 +133,21 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
         # Joint 2: nothing but its rotor.
         ("axis_pi", {"plant.i_eff": [4.3, 1.73, 796, 250], SPRINGS: Elasticity([0, 90.0, 0, 0])},
          r".*joint 2 has .*link inertia 0 kg m²"),
-        ("coupled_pi", {SPRINGS: Elasticity([0.0, 66.0, 0.0, 0.0], 1e6)},
-         r"plant\.elasticity\.damping_ratio: gives joint 2 a pole"),
         ("coupled_pi", {"plant.friction": Friction(coulomb=[1.0] * 3)},
          r"plant\.friction\.coulomb: 3 va"),
         ("coupled_pi", {"plant.friction": Friction(coulomb=[1e9] * 4)},
          r"plant\.friction: coulomb over presliding gives joint \d a pole at \S+ rad/s"),
-        ("coupled_pi", {"plant.friction": Friction(viscous=[0.0, 1e9, 0.0, 0.0])},
-         r"plant\.friction: viscous gives joint 2 a pole"),
-        ("coupled_pi", {"plant.friction": Friction(breakaway=[0.0, 0.0, 1e9, 0.0])},
-         r"plant\.friction: breakaway over stribeck_speed gives joint 3 a pole"),
         ("coupled_pi", {"drive": Drive(torque_bandwidth=4e4)},
          r"drive\.torque_bandwidth: gives joint 1 a pole"),
         ("coupled_pi", {"drive": Drive(n1=[1.0] * 4, n0=[1.0 + 1e-12] * 4)},
          r"drive: n0 so close to n1 gives joint \d a pole"),
-        *(
-            ("coupled_pi", {"drive": Drive(reference_delay=delay)},
-             rf"drive\.reference_delay: {delay:g} s, expected less than .* 30 s$")
-            for delay in (30.0, 31.0)
-        ),
+        ("coupled_pi", {"drive": Drive(reference_delay=30.0)},
+         r"drive\.reference_delay: 30 s, expected less than .* 30 s$"),
         # At the smallest inertia of joint 2, 66.8 kg m², but not at its largest, 98.
         ("coupled_pi", {"controller": ControllerChoice(kp=[1, 1.7e7, 1, 1], ki=[1.0] * 4)},
          r"gains .* give joint 2 a pole at 2\.54e\+05"),
         ("coupled_pi", {"controller.model": Deviation(payload_mass=-180.0)},
          r"controller\.model\.payload_mass: -180 kg"),
-        ("coupled_pi", {"controller.model": Deviation("seat", 1.0)},
-         r"controller\.model\.payload: no link"),
         ("coupled_pi", {"controller.model": Deviation(inertia_scale=1e300)},
          r"controller\.model: .*inertia"),
     ],

@@ -25,9 +25,6 @@ def same(actual, expected, tolerance):
     np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
 
 
-# --- controllers along the reference motion --------------------------------------------------
-
-
 def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
     """Off the reference at rest, each error goes its own way: held, e'' = -2 zeta w e' - w² e."""
     zeta, omega = np.array([0.3, 0.5, 0.7, 1.0]), 65.991 / 2
@@ -46,8 +43,6 @@ def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
         simulator.AdvanceTo(time)
         same(plant.GetPositions(plant.GetMyContextFromRoot(context)) - HANGING, e, 5e-7)
 
-
-# --- anti-windup -----------------------------------------------------------------------------
 
 HOLD = 1.0  # rad/s of joint 2
 
@@ -76,20 +71,6 @@ def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
     assert times[1] < 0.5 * times[0], times
 
 
-@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
-@pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
-def test_anti_windup_does_nothing_where_nothing_saturates(run, name, structure):
-    without, with_it = (
-        run(name, CONSISTENT | kind("pi", structure=structure, anti_windup=a), end=0.5)
-        for a in (False, True)
-    )
-    np.testing.assert_array_equal(with_it.tau, with_it.tau_cmd)
-    same(with_it.v, without.v, 1e-12)
-
-
-# --- drives ----------------------------------------------------------------------------------
-
-
 def test_sampled_drive_by_hand(designed):
     """Constant torque over each period: plain recursions, exact."""
     fields = CONSISTENT | {"controller.structure": "pi", "drive": Drive(period=0.001)}
@@ -107,14 +88,12 @@ def test_sampled_drive_by_hand(designed):
     same(simulate(design).v, speeds, 1e-8)
 
 
-@pytest.mark.parametrize("name", ["pi_ctc", "p_pi"])
-def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run, name):
-    fields = kind(name) | CONSISTENT
+def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run):
+    fields = kind("p_pi") | CONSISTENT
     prompt = run("axis_pi", fields, end=0.8, rest=3)
-    for count in (1, 4, 50):
-        late = run(
-            "axis_pi", fields | {"drive": Drive(reference_delay=count * PERIOD)}, end=0.8, rest=3
-        )
+    for count in (1, 50):
+        delayed = fields | {"drive": Drive(reference_delay=count * PERIOD)}
+        late = run("axis_pi", delayed, end=0.8, rest=3)
         same(late.v[count:], prompt.v[:-count], 2e-6)
         same(late.v[:count], 0, 1e-12)
         for other in (count - 1, count + 1):  # a sample more or less would show

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource
 from variants import kind
 
 from sdt_drake.io.errors import InputError
@@ -48,7 +47,7 @@ def fed(design, motion=None):
 
 @pytest.mark.parametrize(
     ("label", "fields"),
-    [("pi", {}), ("pi_ctc", DEVICE), ("p_pi+id", DEVICE), ("inverse_dynamics", {})],
+    [("pi", {}), ("p_pi+id", DEVICE), ("inverse_dynamics", {})],
 )
 def test_the_planned_motion_from_outside_gives_the_same_run(designed, label, fields):
     design = designed("coupled_pi", kind(label) | ONLINE | fields, start=2.0, end=2.3)
@@ -99,9 +98,6 @@ def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, spee
     run = simulate(design, fed(design, motion), q=LOADED, v=v)
     np.testing.assert_allclose(run.v, np.tile(v, (21, 1)), atol=2e-5)
     assert np.abs(run.tau[0, 1]) > 30  # joint 2 carries a load
-    if speed == 0:
-        again = simulate(design, fed(design, motion), q=LOADED)
-        np.testing.assert_array_equal(again.q, run.q)
 
 
 @pytest.mark.parametrize(
@@ -123,17 +119,13 @@ def test_bad_calls_are_refused(designed):
         make_loop(design, reference="outside")
     with pytest.raises(InputError, match=r"^controller: a str, expected a System"):
         make_loop(design, controller="pi")
-    for choice, size in (("reference", 12), ("controller", 4)):
-        port = {"reference": "reference", "controller": "tau_cmd"}[choice]
+    for choice, port in (("reference", "reference"), ("controller", "tau_cmd")):
         loop = make_loop(design, **{choice: "external"})
         with pytest.raises(InputError, match=f"^{port}: external, but nothing is connected, exp"):
             simulate(design, loop)
-        builder = DiagramBuilder()
-        loop = builder.AddSystem(make_loop(design, **{choice: "external"}))
-        nothing = builder.AddSystem(ConstantVectorSource(np.full(size, np.nan)))
-        builder.Connect(nothing.get_output_port(), loop.GetInputPort(port))
-        with pytest.raises(InputError, match=r"(reference: |external controller: tau_cmd).*nan"):
-            simulate(design, builder.Build())
+    nowhere = Motion(0.005, *np.full((3, 21, 4), np.nan))
+    with pytest.raises(InputError, match=r"reference: .*nan"):
+        simulate(design, fed(design, nowhere))
     with pytest.raises(InputError, match=r"q: of shape \(3,\), expected \(4,\)"):
         simulate(design, q=np.zeros(3))
     with pytest.raises(InputError, match=r"v\[1\]: nan, expected finite numbers"):

@@ -13,8 +13,10 @@ from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.trust import trusting
 from sdt_drake.run import kinds
+from sdt_drake.run.design import make_design
 from sdt_drake.run.kinds import CONTROLLERS, load_controllers
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import simulate
 
 OWN = Path(__file__).parents[1] / "own_controllers.py"
 SCENARIO = """
@@ -22,14 +24,7 @@ motion: short.yaml
 plant: {kind: coupled}
 controller: {kind: proportional, file: own.py, omega_r: 66}
 """
-MOTION = """
-duration: 0.5
-joints:
-- !Knots {knots: [[0, 0], [0.5, 0.2]]}
-- !Knots {knots: [[0, 0], [0.5, 0.1]]}
-- !Knots {knots: [[0, 0], [0.5, 0]]}
-- !Knots {knots: [[0, 0], [0.5, 0.4]]}
-"""
+MOTION = "duration: 0.5\njoints:\n" + 4 * "- !Knots {knots: [[0, 0], [0.5, 0.2]]}\n"
 STUDY = """
 scenario: run.yaml
 draws: 2
@@ -45,35 +40,24 @@ CLASS = r"controller 'proportional' \(class Proportional\)"
 @pytest.fixture
 def desk(tmp_path, monkeypatch):
     """A folder with a scenario that names its controller's file; the user is in another."""
-    folder = tmp_path / "desk"
+    folder, elsewhere = tmp_path / "desk", tmp_path / "elsewhere"
     folder.mkdir()
-    shutil.copy(OWN, folder / "own.py")
-    (folder / "run.yaml").write_text(SCENARIO)
-    (folder / "short.yaml").write_text(MOTION)
-    (folder / "study.yaml").write_text(STUDY)
-    elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
+    shutil.copy(OWN, folder / "own.py")
+    texts = {"run": SCENARIO, "short": MOTION, "study": STUDY}
+    for name, text in texts.items():
+        (folder / f"{name}.yaml").write_text(text)
     monkeypatch.chdir(elsewhere)
     return folder
 
 
-def test_a_scenario_brings_its_controller(desk, capsys):
-    assert "proportional" not in CONTROLLERS
-    assert main(["simulate", str(desk / "run.yaml"), "--out", "run.csv", "--trust"]) == 0
-    assert "proportional on the coupled plant" in capsys.readouterr().out
-    assert Path("run.csv").stat().st_size > 1000
-    labels = "pi,proportional"
-    assert main(["compare", str(desk / "run.yaml"), "--controllers", labels, "--trust"]) == 0
+def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
+    """Into processes that have not seen it, and into the folder, where rows are repeated."""
+    labels = ["--controllers", "pi,proportional"]
+    assert main(["compare", str(desk / "run.yaml"), *labels, "--trust"]) == 0
     assert "largest inertia of each joint" in capsys.readouterr().out.splitlines()[-1]
-
-
-def test_studies_take_the_file_with_them(desk, capsys):
-    """Into processes that have not seen it, whatever row they begin with, and into the folder,
-    where rows are repeated."""
-    assert (
-        main(["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1", "--trust"]) == 0
-    )
-    assert "failed" not in capsys.readouterr().out
+    study = ["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1", "--trust"]
+    assert main(study) == 0 and "failed" not in capsys.readouterr().out
     shutil.rmtree(desk)
     CONTROLLERS.pop("proportional")
     kinds._loaded.clear()  # as in a new process
@@ -113,16 +97,8 @@ def test_the_same_text_is_run_once(desk, tmp_path):
         ("2 * n)\n", "n)\n", "controller: input 'sampled_state' .*4, expected 8"),
         ("super().__init__()", "pass", rf"{CLASS}: __init__ of Proportional declares ports first"),
         ("0.9 *", "0.9 / 0 *", rf"{CLASS}: fails \(ZeroDivisionError: "),
-        ("self._gain * (", "self._gian * (", rf"{CLASS}: fails \(AttributeError: "),
         ("self._gain * (", "sys.exit(0) * (", rf"{CLASS}: fails \(SystemExit: 0\)"),
-        ("self._gain * (", "Lock().release() * (", rf"{CLASS}: fails \(RuntimeError: release "),
         ("self._gain * (", "np.nan * (", rf"{CLASS}: tau_cmd of joint 1 is nan at 0 s, expected"),
-        (
-            "self._gain * (",
-            "(np.nan if context.get_time() > 0.2 else 0) * (",
-            rf"{CLASS}: tau_cmd of joint 1 is nan at 0\.205 s, expected finite",
-        ),
-        ("self._gain * (", "np.inf + 0 * (", rf"{CLASS}: tau_cmd of joint 1 is inf at 0 s, "),
         (
             "    def _calc(self, context, output):\n",
             "    def after_updates(self, tau_cmd, measured, held):\n        return tau_cmd[1:]\n\n"
@@ -138,7 +114,7 @@ def test_the_same_text_is_run_once(desk, tmp_path):
     ],
 )
 def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
-    text = "import sys\nfrom threading import Lock\nimport numpy as np\n" + OWN.read_text()
+    text = "import sys\nimport numpy as np\n" + OWN.read_text()
     assert old in text
     (desk / "own.py").write_text(text.replace(old, new))
     assert main(["simulate", str(desk / "run.yaml"), "--out", "run.csv", "--trust"]) == 2
@@ -147,23 +123,11 @@ def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
     assert not Path("run.csv").exists()
 
 
-def test_a_continuous_controller_that_fails_within_a_step(desk, capsys):
-    """Where no sample looks: at a NaN of its own the integrator would try for ever."""
-    text = "import numpy as np\n" + OWN.read_text().replace("sampled_state", "state")
-    text = text.replace("inputs = {", "inputs = {self.time_ticket(), ")
-    late = "(np.nan if context.get_time() > 0.2012 else 1) * self._gain * ("
-    (desk / "own.py").write_text(text.replace("self._gain * (", late))
-    arguments = ["compare", str(desk / "run.yaml"), "--controllers", "pi,proportional"]
-    assert main([*arguments, "--trust"]) == 2
-    assert re.search(rf"{CLASS}: tau_cmd of joint \d is nan at 0\.20", capsys.readouterr().err)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("x = 1 +\n", r"own\.py: SyntaxError: invalid syntax .*line 1"),
         ("import math\n\nmath.sqrt(-1)\n", r"own\.py, line 3: ValueError: math domain error$"),
-        ("import sys\nsys.exit('over')\n", r"own\.py, line 2: SystemExit: over$"),
         ("x = 1\n", r"controller\.kind: 'proportional', expected one of pi, "),
         (None, r"own\.py: no such file$"),
     ],
@@ -178,10 +142,6 @@ def test_a_file_that_cannot_be_used(desk, text, message):
 
 def test_its_command_at_both_ends_of_a_period(desk):
     """What it holds from sample to sample is what the motors give all the time."""
-    from sdt_drake.run.design import make_design
-    from sdt_drake.run.simulate import simulate
-
-    design = make_design(load_scenario(desk / "run.yaml", trust=True))
-    recording = simulate(design)
+    recording = simulate(make_design(load_scenario(desk / "run.yaml", trust=True)))
     np.testing.assert_allclose(recording.tau_peak[1:], np.abs(recording.tau[1:]), atol=1e-9)
     np.testing.assert_allclose(recording.tau_rms[1:], np.abs(recording.tau[1:]), atol=1e-9)

@@ -4,22 +4,16 @@ import control
 import numpy as np
 import pytest
 from by_hand import axes_by_hand, inverse_dynamics, robot_by_hand
-from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
-from pydrake.systems.primitives import ConstantVectorSource, Linearize
-from variants import weaker
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+from variants import kind, weaker
 
 from sdt_drake.analysis.reproduction import step_response
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
-from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.systems.gains import tune
-
-STRUCTURES = ("pi", "p_in_feedback")
-
-
-# --- step loop (Figure 4) --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -44,76 +38,47 @@ def test_figure_4(structure, zeta, rise, settling):
     np.testing.assert_allclose(np.interp(even, time, speed), expected, rtol=0, atol=1e-4)
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("zeta", [0.4, 0.95, 1.7])
-def test_linearized_step_loop_has_the_characteristic_polynomial(structure, zeta):
-    loop = make_step_loop(gains=tune([4.26], 65.991, [zeta]), i_eff=4.26, structure=structure)
-    linear = Linearize(
-        loop,
-        loop.CreateDefaultContext(),
-        InputPortSelection.kNoInput,
-        OutputPortSelection.kNoOutput,
-        equilibrium_check_tolerance=np.inf,
-    )
-    omega_n = 65.991 / 2
-    polynomial = [1, 2 * zeta * omega_n, omega_n**2, 0]  # and the angle, which nothing feels
-    np.testing.assert_allclose(np.poly(linear.A()), polynomial, rtol=1e-9, atol=1e-6)
-
-
-# --- independent integrations ----------------------------------------------------------------
-
-
 # Share of the torque limits of each joint: they all saturate, but none is lost.
 WEAK = np.array([0.5, 0.9, 0.2, 0.15])
 CONSISTENT = {"algorithm": "consistent"}
-ON_ERROR = CONSISTENT | {"controller.structure": "pi"}
 AXES = {
-    **{
-        f"{name}, {algorithm}": (name, {"algorithm": algorithm})
-        for name in ("axis_pi", "axis_pi_ctc")
-        for algorithm in ("printed", "consistent")
-    },
-    "pi_ctc": ("axis_pi_ctc", ON_ERROR),
-    "pi_id": ("axis_pi_ctc", CONSISTENT | {"controller.kind": "pi_id"}),
-    "pi_scheduled": ("axis_pi", ON_ERROR | {"controller.kind": "pi_scheduled"}),
-    "pi_scheduled+ctc": (
+    "weak, printed": ("axis_pi", {}),
+    "weak, ctc, printed": ("axis_pi_ctc", {}),
+    "weak, ctc, consistent": ("axis_pi_ctc", CONSISTENT),
+    "ctc, consistent": ("axis_pi_ctc", CONSISTENT),
+    "pi_id": ("axis_pi_ctc", CONSISTENT | kind("pi_id")),
+    "pi_scheduled": ("axis_pi", CONSISTENT | kind("pi_scheduled+ctc", structure="pi")),
+    "torque error": (
         "axis_pi",
-        CONSISTENT | {"controller.kind": "pi_scheduled", "controller.feedforward": "ctc"},
+        CONSISTENT | {"drive": Drive(torque_error=[0.2, -0.3, 0.1, 0.0])},
     ),
-    "torque error": ("axis_pi", ON_ERROR | {"drive": Drive(torque_error=[0.2, -0.3, 0.1, -0.05])}),
 }
-CASES = [
-    (case, is_weak) for case in AXES for is_weak in ((False, True) if "," in case else [False])
-]
 
 
 @pytest.fixture(scope="module")
-def axis_designs(designed):
-    whole = {case: designed(*AXES[case], end=10.5) for case in AXES}
-    return {
-        (case, is_weak): weaker(whole[case], WEAK if is_weak else 1.0) for case, is_weak in CASES
+def axes(designed):
+    """Designs by case, and their speeds, all integrated at once."""
+    designs = {
+        case: weaker(designed(*AXES[case], end=10.5), WEAK if "weak" in case else 1.0)
+        for case in AXES
     }
+    speeds = axes_by_hand(list(designs.values()), steps=6)
+    return {case: (designs[case], speeds[:, k]) for k, case in enumerate(designs)}
 
 
-@pytest.fixture(scope="module")
-def axis_speeds(axis_designs):
-    speeds = axes_by_hand(list(axis_designs.values()), steps=6)
-    return {case: speeds[:, k] for k, case in enumerate(axis_designs)}
-
-
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_axis_loop_against_plain_numpy(axis_designs, axis_speeds, case):
-    design = axis_designs[case]
+@pytest.mark.parametrize("case", AXES)
+def test_axis_loop_against_plain_numpy(axes, case):
+    design, speeds = axes[case]
     recording = simulate(design)
     saturated = np.mean(recording.tau_limited != recording.tau_cmd, axis=0)
-    assert not case[1] or np.all(saturated > 0.01)
+    assert "weak" not in case or np.all(saturated > 0.01)
     tolerance = 1e-4 if saturated.any() else 3e-5
-    np.testing.assert_allclose(recording.v, axis_speeds[case], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(recording.v, speeds, rtol=0, atol=tolerance)
     given = 1 + np.array(design.drive.torque_error or np.zeros(4))
     np.testing.assert_allclose(recording.tau, given * recording.tau_limited, rtol=1e-12)
-    if case[0] == "pi_id":
+    if case == "pi_id":
         np.testing.assert_allclose(design.tau_ff, inverse_dynamics(design), rtol=1e-9, atol=1e-9)
-    if case[0] == "pi_scheduled":
+    if case == "pi_scheduled":
         assert design.inertia_share.min() < 0.97
 
 
