@@ -16,7 +16,6 @@ from sdt_drake.io.fields import (
     FileOf,
     Input,
     Number,
-    OneOf,
     Positive,
     Tagged,
     Text,
@@ -29,7 +28,6 @@ from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 
 FILE = Path("/runs/file.yaml")
-nan, inf = np.nan, np.inf
 
 
 @dataclass(slots=True)
@@ -53,10 +51,8 @@ class Drawing(Input):
     name: str = ""
     file: Annotated[Text, FileOf("anything")] = "package://sdt/a"
     size: Number = setting(1.0, ge=0, le=10)
-    share: Number = setting(0.5, gt=0, lt=1)
     count: int = setting(1, ge=1)
     filled: bool = False
-    colour: Annotated[str, OneOf(("red", "blue"))] = "red"
     place: list[Number] = setting([0.0, 0.0], min_length=2, max_length=2)
     widths: EachJoint[Positive] | None = None
     labels: EachJointOrNone[str] = setting([])
@@ -98,58 +94,35 @@ def test_all_that_is_wrong_is_told_at_once():
         "nam": 1, "name": 2, "frame": {"side": [1], "depth": 3}, "shapes": [{}, {"_tag": "!Oval"}],
         "points": [[1, "a"]], "filled": "yes",
     }  # fmt: skip
-    with pytest.raises(InputError) as error:
-        made(Drawing, data, FILE)
-    assert str(error.value).splitlines() == [
-        f"/runs/file.yaml: {line}"
-        for line in (
-            "name: 2, expected a text",
-            "filled: 'yes', expected true or false",
-            "shapes[1].radius: missing, expected a number > 0 [m]",
-            "shapes[2]: unknown kind !Oval, expected !Circle, !Square",
-            "frame.side: [1], expected a number",
-            "frame.depth: no such field, expected one of side",
-            "points[1][2]: 'a', expected a number",
-            "nam: no such field, did you mean 'name'?",
-        )
-    ]
-
-
-@pytest.mark.parametrize("data", [None, 3, [1], "text"])
-def test_what_is_no_mapping(data):
-    names = "name, file, size, share, count, filled, colour, place, widths, labels, shapes, frame"
-    found = "empty" if data is None else repr(data)
-    text = f"/runs/file.yaml: {found}, expected a mapping with {names}, points"
-    refused(lambda: made(Drawing, data, FILE), text)
+    lines = (
+        "name: 2, expected a text",
+        "filled: 'yes', expected true or false",
+        "shapes[1].radius: missing, expected a number > 0 [m]",
+        "shapes[2]: unknown kind !Oval, expected !Circle, !Square",
+        "frame.side: [1], expected a number",
+        "frame.depth: no such field, expected one of side",
+        "points[1][2]: 'a', expected a number",
+        "nam: no such field, did you mean 'name'?",
+    )
+    refused(lambda: made(Drawing, data, FILE), *(f"/runs/file.yaml: {line}" for line in lines))
+    many = [f"/runs/file.yaml: points[1][{k}]: 'a', expected a number" for k in range(1, 21)]
+    whole = {"points": [["a"] * 30]}
+    refused(lambda: made(Drawing, whole, FILE), *many, "/runs/file.yaml: 10 more")
+    for data, found in ((None, "empty"), (3, "3"), ([1], "[1]"), ("text", "'text'")):
+        with pytest.raises(InputError, match=f": {re.escape(found)}, expected a mapping with name"):
+            made(Drawing, data, FILE)
 
 
 BAD = [
-    ({"size": -1}, "size: -1, expected a number >= 0 and <= 10"),
-    ({"size": 10.5}, "size: 10.5, expected a number >= 0 and <= 10"),
-    ({"size": nan}, "size: nan, expected a finite number >= 0 and <= 10"),
-    ({"size": -inf}, "size: -inf, expected a finite number >= 0 and <= 10"),
-    ({"size": True}, "size: True, expected a number >= 0 and <= 10"),
+    ({"size": -np.inf}, "size: -inf, expected a finite number >= 0 and <= 10"),
     ({"size": None}, "size: empty, expected a number >= 0 and <= 10"),
-    ({"size": "1"}, "size: '1', expected a number >= 0 and <= 10"),
-    (
-        {"size": 10**400},
-        "size: a whole number of more than 64 bits, expected a number >= 0 and <= 10",
-    ),
-    ({"share": 0}, "share: 0, expected a number > 0 and < 1"),
-    ({"share": 1}, "share: 1, expected a number > 0 and < 1"),
-    ({"count": 0}, "count: 0, expected a whole number >= 1"),
-    ({"count": 1.0}, "count: 1.0, expected a whole number >= 1"),
+    ({"size": 10**400}, "size: a whole number of more than 64 bits, expected a number >= 0 and"),
     ({"count": True}, "count: True, expected a whole number >= 1"),
-    ({"filled": 1}, "filled: 1, expected true or false"),
-    ({"colour": "green"}, "colour: 'green', expected one of red, blue"),
     ({"file": ""}, "file: empty, expected a text"),
     ({"place": [1]}, "place: 1 value(s), expected 2"),
     ({"place": []}, "place: empty, expected a list of numbers"),
-    ({"place": 1}, "place: 1, expected a list of numbers"),
     ({"widths": [1, 1, 1]}, "widths: 3 value(s), expected 4, one for each joint"),
     ({"widths": []}, "widths: empty, expected a list of numbers > 0, one for each joint"),
-    ({"widths": [1, 1, 0, 1]}, "widths[3]: 0, expected a number > 0"),
-    ({"labels": ["a"]}, "labels: 1 value(s), expected 4, one for each joint"),
     ({"labels": ["a", "b", 3, "d"]}, "labels[3]: 3, expected a text"),
     ({"frame": None}, "frame: empty, expected a Square"),
     ({"shapes": [Circle(0)]}, "shapes[1].radius: 0, expected a number > 0 [m]"),
@@ -160,19 +133,12 @@ BAD = [
 
 @pytest.mark.parametrize(("values", "line"), BAD, ids=[line[:40] for _, line in BAD])
 def test_bad_values_of_an_object_of_python(values, line):
-    drawing = Drawing()
-    for name, value in values.items():
-        setattr(drawing, name, value)
-    with pytest.raises(InputError) as error:
-        check(drawing, "drawing", n=4)
-    (told,) = error.value.lines
-    assert told.startswith(f"drawing: {line}")
-    assert told.endswith(line) or "Drive(" in line
+    with pytest.raises(InputError, match=f"^drawing: {re.escape(line)}.*$"):
+        check(Drawing(**values), "drawing", n=4)
 
 
 def test_numbers_and_lists_of_numpy_will_do_and_lengths_wait_for_the_robot():
-    drawing = Drawing(size=np.float64(2), count=np.int64(3), place=np.zeros(2), points=np.eye(2))
-    drawing.widths = (1.0, 2.0)
+    drawing = Drawing(size=np.float64(2), count=np.int64(3), place=np.zeros(2), widths=(1.0, 2.0))
     check(drawing)
     check(drawing, n=2)
     refused(lambda: check(drawing, n=3), "widths: 2 value(s), expected 3, one for each joint")
@@ -180,15 +146,9 @@ def test_numbers_and_lists_of_numpy_will_do_and_lengths_wait_for_the_robot():
 
 def test_rules_between_fields_may_raise_and_wait_for_the_fields():
     refused(lambda: check(Drawing(name="raises"), "a"), "a: first", "a: second")
-    refused(lambda: check(Drawing(name="raises", count=0)), f"count: {BAD[10][1][7:]}")
-
-
-def test_very_many_problems_are_cut():
-    with pytest.raises(InputError) as error:
-        made(Drawing, {"points": [["a"] * 30]}, FILE)
-    assert len(error.value.problems) == 30 and error.value.lines[20:] == [
-        "/runs/file.yaml: 10 more"
-    ]
+    refused(
+        lambda: check(Drawing(name="raises", count=0)), "count: 0, expected a whole number >= 1"
+    )
 
 
 # --- a scenario ------------------------------------------------------------------------------
@@ -210,16 +170,13 @@ AXIS = [
      "plant.friction.breakaway: [0.0, 0.0, 1.0, 1.0], expected at least coulomb, [0.0, 0.0, 1.0"),
     ({"device.motors": ["AC-203"], "device.fitted": [""] * 4}, "device.motors: 1 value(s), expect"),
     ({"device.motors": ["AC-203"] * 4}, "device.fitted: missing; for each joint, name the motor"),
-    ({"device.motors": ["AC-203"] * 4, "device.fitted": ["AC-203"]}, "device.fitted: 1 value(s), "),
     ({"drive.period": 0.002}, "drive.period: 0.002, does not divide the interpolation period"),
     ({"drive.encoder_resolution": [1e6] * 4}, "drive.encoder_resolution: needs period, to comput"),
-    ({"drive.n1": [1.0] * 4}, "drive.n0: missing, expected n1 and n0 or neither"),
     ({"drive.n0": [1.0] * 4}, "drive.n1: missing, expected n1 and n0 or neither"),
     ({"drive.n1": [1.0, 2, 3, 4], "drive.n0": [2.0, 3, 3, 5]},
      "drive.n0: [2.0, 3.0, 3.0, 5.0], expected more than n1, [1.0, 2.0, 3.0, 4.0], everywhere"),
     ({"controller.file": "/no/file.py"}, "controller: /no/file.py: no such file"),
     ({"controller.kind": "inverse_dynamics"}, "controller.kind: inverse_dynamics needs plant.kind"),
-    ({"controller.ki": None}, "controller.ki: missing, expected kp and ki or neither"),
     ({"controller.kp": None}, "controller.kp: missing, expected kp and ki or neither"),
     *(
         ({f"controller.{name}": value}, f"controller.{name}: kp and ki are given; remove one or")
@@ -262,19 +219,12 @@ def test_what_the_kind_of_controller_or_plant_would_not_use(kind, fields, line):
         check(coupled(kind, fields), n=4)
 
 
-@pytest.mark.parametrize("kind", CONTROLLERS)
-def test_a_kind_is_for_certain_plants(kind):
-    scenario = coupled(kind, {"plant.kind": "axis"})
-    if kind == "inverse_dynamics":
-        text = "controller.kind: inverse_dynamics needs plant.kind coupled"
-        refused(lambda: check(scenario), text)
-    else:
-        check(scenario)
+def test_every_other_kind_is_for_the_axis_plant():
+    for kind in {*CONTROLLERS} - {"inverse_dynamics"}:
+        check(axis(**{"controller.kind": kind}))
 
 
-# 5 ms / 3 is no short decimal, 0.3 ms / 3 is no whole binary multiple.
-@pytest.mark.parametrize("divisor", [1, 3, 7, 40])
-def test_whole_fractions_of_the_interpolation_period_are_taken(divisor):
-    for period in (0.005, 0.007, 1 / 300, 0.012):
-        if period / divisor >= 125e-6:
-            check(axis(period=period, **{"drive.period": period / divisor}))
+def test_whole_fractions_of_the_interpolation_period_are_taken():
+    # 5 ms / 3 is no short decimal, 0.3 ms / 3 is no whole binary multiple.
+    for period, divisor in ((0.005, 3), (0.005, 40), (0.007, 7), (1 / 300, 3), (0.012, 40)):
+        check(axis(period=period, **{"drive.period": period / divisor}))

@@ -52,6 +52,17 @@ def ran(desk, given):
 
 
 @pytest.fixture
+def own(desk):
+    return desk.parent / "given" / "own.py"
+
+
+@pytest.fixture
+def kept():
+    """The list of what the user trusts."""
+    return Path(os.environ["XDG_CONFIG_HOME"]) / "sdt_drake" / "trusted.json"
+
+
+@pytest.fixture
 def another_process(monkeypatch):
     """What a process knows is gone; what is kept stays."""
 
@@ -81,75 +92,57 @@ def digest(path):
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
-COMMANDS = {
-    "simulate": ["simulate", "../given/own.yaml"],
-    "set": ["simulate", "../given/run.yaml", "--set", "controller.file=../given/own.py"],
-    "compare": ["compare", "../given/own.yaml"],
-    "budget": ["budget", "../given/own.yaml"],
-    "bode": ["bode", "../given/own.yaml"],
-    "stability": ["stability", "../given/own.yaml"],
-    "tune": ["tune", "../given/own.yaml"],
-    "diagram": ["diagram", "../given/own.yaml"],
-    "pilot": ["pilot", "../given/own.yaml"],
-    "view": ["view", "../given/own.yaml", "--record", "run.html"],
-    "export": ["export", "../given/own.yaml", "--drive", "drives"],
-    "plan": ["plan", "--envelope", "../given/own.yaml"],
-    "fly": ["fly", "sdt", "turn", "--out", "out", "--envelope", "../given/own.yaml"],
-    "learn": ["learn", "../given/own.yaml"],
-    "identify": ["identify", "sdt", "run.csv", "--scenario", "../given/own.yaml"],
-    "replay": ["replay", "run.csv", "../given/own.yaml"],
-    "study": ["study", "../given/study.yaml"],
-}
-"""Of each command that loads a scenario."""
+PLAIN = ("simulate", "compare", "budget", "bode", "stability", "tune", "diagram", "pilot", "learn")
+COMMANDS = [
+    *(f"{name} ../given/own.yaml" for name in PLAIN),
+    "simulate ../given/run.yaml --set controller.file=../given/own.py",
+    "view ../given/own.yaml --record run.html",
+    "export ../given/own.yaml --drive drives",
+    "plan --envelope ../given/own.yaml",
+    "fly sdt turn --out out --envelope ../given/own.yaml",
+    "identify sdt run.csv --scenario ../given/own.yaml",
+    "replay run.csv ../given/own.yaml",
+    "study ../given/study.yaml",
+]
+"""Each command that loads a scenario."""
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_without_a_terminal_nothing_is_run(refuse, ran, desk, command):
-    own = desk.parent / "given" / "own.py"
-    refuse(*COMMANDS[command], saying=[f"{own}: is Python", digest(own), "--trust"])
+def test_without_a_terminal_nothing_is_run(refuse, ran, own, command):
+    refuse(*command.split(), saying=[f"{own}: is Python", digest(own), "--trust"])
     assert ran() == 0
 
 
 def test_an_answer_is_kept_for_this_content_at_this_place(
-    call, good, refuse, ran, desk, given, terminal, another_process
+    call, good, ran, own, kept, terminal, another_process
 ):
-    own, kept = desk.parent / "given" / "own.py", Path(os.environ["XDG_CONFIG_HOME"])
+    tune = ("tune", "../given/own.yaml")
     for answer in ("", "n\n", "\n", "nay\n"):
         terminal(answer)
-        done = call("tune", "../given/own.yaml")
+        done = call(*tune)
         assert done.code == 2 and "[y/N]" in done.err and ran() == 0
         assert f"{own}\nSHA-256 {digest(own)}\n" in done.err
     terminal("y\n")
-    assert call("tune", "../given/own.yaml").code == 0 and ran() == 1
-    assert json.loads((kept / "sdt_drake/trusted.json").read_text()) == {str(own): digest(own)}
+    assert call(*tune).code == 0 and ran() == 1
+    assert json.loads(kept.read_text()) == {str(own): digest(own)}
     another_process()
     terminal("")
-    good("tune", "../given/own.yaml")
-    link = given("link.py", "")
-    Path(link).unlink()
-    Path(link).symlink_to(own)
-    good("tune", "../given/own.yaml", "--set", f"controller.file={link}")  # the same file
+    good(*tune)
+    Path("link.py").symlink_to(own)
+    good(*tune, "--set", "controller.file=link.py")  # the same file
     shutil.copy(own, "own.py")
-    assert "[y/N]" in call("tune", "../given/own.yaml", "--set", "controller.file=own.py").err
+    assert "[y/N]" in call(*tune, "--set", "controller.file=own.py").err
     own.write_text(own.read_text() + "# changed\n")
     another_process()
-    assert call("tune", "../given/own.yaml").code == 2
+    assert call(*tune).code == 2
 
 
-def test_in_python(ran, desk):
+def test_the_bytes_that_are_run_are_those_that_were_judged(ran, own):
     with pytest.raises(InputError, match=r"own\.py: is Python .*trust=True"):
         load_scenario("../given/own.yaml")
     assert ran() == 0
-    load_scenario("../given/own.yaml", trust=True)
-    assert ran() == 1
-    load_scenario("../given/own.yaml")  # which runs already
 
-
-def test_the_bytes_that_are_run_are_those_that_were_judged(ran, desk, monkeypatch):
-    """Whatever becomes of the file meanwhile."""
-    own = desk.parent / "given" / "own.py"
-
-    def judge(path, found):
+    def judge(path, found):  # meanwhile, the file becomes another
         own.write_text("raise ValueError('another file')")
         return True
 
@@ -182,22 +175,19 @@ def test_studies_ask_for_all_their_files_and_their_processes_do_not(
 
 
 @pytest.mark.parametrize("text", ["[]", "[" * 100_000])
-def test_a_broken_list_is_a_line(refuse, good, ran, text):
-    file = Path(os.environ["XDG_CONFIG_HOME"]) / "sdt_drake" / "trusted.json"
-    file.parent.mkdir()
-    file.write_text(text)
-    refuse("tune", "../given/own.yaml", saying=[f"{file}: cannot be read"])
+def test_a_broken_list_is_a_line(refuse, good, ran, kept, text):
+    kept.parent.mkdir()
+    kept.write_text(text)
+    refuse("tune", "../given/own.yaml", saying=[f"{kept}: cannot be read"])
     assert ran() == 0
     good("tune", "../given/own.yaml", "--trust")
 
 
-def test_a_relative_place_of_the_list_is_none(ran, desk, refuse, monkeypatch):
+def test_a_relative_place_of_the_list_is_none(ran, desk, own, refuse, monkeypatch):
     """Or the working directory could bring its own."""
-    own = desk.parent / "given" / "own.py"
     monkeypatch.setenv("XDG_CONFIG_HOME", "config")
     monkeypatch.setenv("HOME", str(desk / "home"))
-    folder = desk / "config" / "sdt_drake"
-    folder.mkdir(parents=True)
-    (folder / "trusted.json").write_text(json.dumps({str(own): digest(own)}))
+    (desk / "config" / "sdt_drake").mkdir(parents=True)
+    (desk / "config" / "sdt_drake" / "trusted.json").write_text(json.dumps({str(own): digest(own)}))
     refuse("tune", "../given/own.yaml")
     assert ran() == 0
