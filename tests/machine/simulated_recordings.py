@@ -98,8 +98,11 @@ def course(robot: Robot, rng: np.random.Generator, seconds: float, rate: float):
     return time, q, v, spline(time, 2)
 
 
-def truth(name: str, seed: int, mounting: str = "", seconds: float = 20.0) -> Truth:
-    """A recording of a robot that is not quite as its file: links, payload, friction, noise."""
+def truth(name: str, seed: int, mounting: str = "", together: bool = False) -> Truth:
+    """A recording of a robot that is not quite as its file: links, payload, friction, noise.
+
+    All joints move alike if `together`.
+    """
     robot = file_robot(name)
     rng = np.random.default_rng([seed, ROBOTS.index(name)])
     real = file_robot(name, mounting) if mounting else robot
@@ -112,7 +115,13 @@ def truth(name: str, seed: int, mounting: str = "", seconds: float = 20.0) -> Tr
     )
     real = deviated(real, deviation)
     rate = float(rng.choice([100.0, 125.0, 250.0, 500.0]))
-    time, q, v, vd = course(robot, rng, seconds, rate)
+    time, q, v, vd = course(robot, rng, 20.0, rate)
+    if together:
+        q, v, vd = (
+            q[0] + (q - q[0])[:, :1],
+            np.repeat(v[:, :1], robot.n, 1),
+            np.repeat(vd[:, :1], robot.n, 1),
+        )
     rigid = inverse_dynamics(real, q, v, vd)
     size, fast = np.sqrt(np.mean(rigid**2, axis=0)), np.abs(v).max(axis=0)
     size = np.maximum(size, 0.05 * size.max())

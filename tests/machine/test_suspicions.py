@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import simulated_recordings as simulated
 
@@ -53,6 +54,12 @@ def test_a_fault_is_named_with_what_to_write(fault):
     robot, recorded = recording("arm3", fault, 4)
     lines = [line for line in said(robot, recorded) if EXPECTED[fault] in line]
     assert lines and READ_OTHERWISE[fault] in lines[0]
+
+
+def test_swapped_torques_of_joints_that_move_alike_are_no_units():
+    truth = simulated.truth("arm3", 2, together=True)
+    (line,) = said(truth.robot, simulated.swapped(truth, np.random.default_rng(0)))
+    assert EXPECTED["swapped"] in line
 
 
 def test_nothing_is_said_of_clean_recordings():

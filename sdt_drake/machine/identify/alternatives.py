@@ -73,7 +73,8 @@ class Better(NamedTuple):
 
     Its total score is above _MIN_SCORE. Its score with the best links is above _MIN_FREE_SCORE, or
     its score with the links of the file is above _MIN_FILE_SCORE. The second test has the higher
-    limit because a file may be wrong.
+    limit because a file may be wrong. Beside a unit without a name, the links of the file do not
+    decide, but another order of the columns suffices that leaves as little as the unit.
     """
 
     reading: Reading
@@ -89,7 +90,7 @@ class Better(NamedTuple):
 
 
 def better_readings(
-    robot: Robot, eq: Equations, factor: Array, *, by_file: bool = True
+    robot: Robot, eq: Equations, factor: Array, unnamed: Array | None = None
 ) -> list[Better]:
     """Return the alternatives that explain the torques better than the mapping, the best first.
 
@@ -100,13 +101,17 @@ def better_readings(
         robot: The robot of the file.
         eq: The equations of the recordings.
         factor: Factors from each torque to N m, joint side, shape (n,).
-        by_file: True if the links of the file may decide, too.
+        unnamed: Factors of a unit without a name, which the alternatives replace, shape (n,). It
+            has one free number per joint, an order of the columns has none.
     """
     plain = _as_read(robot)
     judge = _Judge(robot, _Rows.of(eq, factor), plain.gravity)
     now = judge.left(plain)
     if np.all(_rms(now.file) < _MIN_RESIDUAL):
         return []
+    rival = None
+    if unnamed is not None:
+        rival = _Judge(robot, _Rows.of(eq, unnamed), plain.gravity).left(plain)
     found = []
     for reading in (*_alternatives(plain), judge.other_gravity(plain)):
         if reading is None:
@@ -116,13 +121,22 @@ def better_readings(
         both = of_any + of_file
         score, error = both.mean(), both.std(ddof=1) / np.sqrt(_BLOCKS)
         decides = of_any.mean() > _MIN_FREE_SCORE or (
-            by_file and of_any.mean() > -_MIN_FREE_SCORE and of_file.mean() > _MIN_FILE_SCORE
+            rival is None and of_any.mean() > -_MIN_FREE_SCORE and of_file.mean() > _MIN_FILE_SCORE
         )
-        if score > max(_MIN_SCORE, _MIN_SIGMAS * error) and decides and of_file.mean() > 0:
+        is_clear = (decides and score > _MIN_SCORE) or _is_as_good(reading, left, rival)
+        if is_clear and score > _MIN_SIGMAS * error and of_file.mean() > 0:
             sizes = map(_rms, (now.file, left.file, now.free, left.free))
             found.append(Better(reading, float(score), *sizes))
     found.sort(key=lambda one: -one.score)
     return [one for one in found if one.score > found[0].score - _MAX_BEHIND]
+
+
+def _is_as_good(reading: Reading, left: Left, rival: Left | None) -> bool:
+    """Return True for an order of the columns that leaves as little as a unit without a name."""
+    if rival is None or np.array_equal(reading.order, np.arange(len(reading.order))):
+        return False
+    score = _score(rival.free, left.free) + _score(rival.file, left.file)
+    return bool(score.mean() > -_MAX_BEHIND)
 
 
 def _score(before: Array, after: Array) -> Array:

@@ -65,12 +65,12 @@ def misread(robot: Robot, eq: Equations) -> list[str]:
 def _misread(robot: Robot, eq: Equations) -> tuple[Unit | None, list[Better]]:
     """Return the likely unit of the torques, and better readings of the columns.
 
-    A unit that fits no known one is dropped if another reading explains the torques as they are.
+    A unit without a name is dropped if another reading explains the torques as they are.
     """
     unit = torque_unit(robot, eq)
     as_they_are = np.ones(robot.n)
     if unit and not unit.is_exact:
-        better = better_readings(robot, eq, as_they_are, by_file=False)
+        better = better_readings(robot, eq, as_they_are, unit.factor)
         if better:
             return None, better
     return unit, better_readings(robot, eq, unit.factor if unit else as_they_are)
