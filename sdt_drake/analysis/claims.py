@@ -26,6 +26,14 @@ NOT_COMPARABLE = "not comparable"
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_COMPARABLE)
 
+OF_THE_PAPER = "of the paper"
+BY_CONSTRUCTION = "by construction"
+BEYOND = "beyond the paper"
+
+KINDS = (OF_THE_PAPER, BY_CONSTRUCTION, BEYOND)
+"""Kinds of claims: independently computed, agreeing because the device is calibrated to the value,
+and ours on a plant that the paper does not have."""
+
 STEP_TOLERANCE = 0.01
 """Largest relative difference between an agreeing step metric and the printed one [-]. Half a unit
 of the last printed digit always agrees."""
@@ -42,8 +50,12 @@ class Claim:
 
     id: str
     """Short name."""
+    kind: str
+    """One of KINDS."""
+    place: str
+    """Section, equation, table or figure of the paper."""
     statement: str
-    """The paper's claim in our words, with its place in the paper."""
+    """The paper's claim in our words."""
     published: object
     """The paper's value."""
     computed: object
@@ -81,6 +93,8 @@ def judge_claims(results: Reproduction) -> list[Claim]:
         claims.append(
             Claim(
                 id=own.id,
+                kind=text.get("kind", OF_THE_PAPER),
+                place=text["place"],
                 statement=text["statement"].format_map(numbers),
                 published=text.get("published", own.published),
                 computed=own.computed,

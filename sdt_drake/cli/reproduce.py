@@ -19,15 +19,15 @@ def run(*, out: Target = Path("out")) -> None:
     """
     from sdt_drake.analysis.reproduction import Stopwatch, reproduce
     from sdt_drake.show.documents import REPORT, plain
-    from sdt_drake.show.reports.paper import count_verdicts, findings
+    from sdt_drake.show.reports.paper import claims_in_words, findings
     from sdt_drake.show.reports.paper_files import FILES, write_reproduction
 
     start = time.perf_counter()
     check_folder(out, FILES)
     watch = Stopwatch(say)
     summary = write_reproduction(reproduce(watch), out, watch)
-    counts = (f"{n} {verdict}" for verdict, n in count_verdicts(summary["claims"]).items())
-    say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
+    say()
+    say_wrapped(claims_in_words(summary["claims"]), rest="")
     for finding in findings(summary):
         say_wrapped(plain(finding), "- ")
     seconds = time.perf_counter() - start

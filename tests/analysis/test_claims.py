@@ -1,6 +1,7 @@
 """Verdicts are made from numbers: other numbers, other verdicts."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from variants import overruled
 
 from sdt_drake.analysis import paper
-from sdt_drake.analysis.claims import VERDICTS, agrees_as_printed, judge_claims
+from sdt_drake.analysis.claims import KINDS, VERDICTS, agrees_as_printed, judge_claims
 from sdt_drake.analysis.reproduction import Case
 from sdt_drake.robot.dynamics import Loads
 
@@ -157,6 +158,14 @@ def test_reasons_have_the_numbers(claims, reproduction):
         assert computed == {"joint 2": error[1], "joint 4": error[3]}
         expected = tracking.max_abs_speed_error.tolist()
         assert claims["ctc_on_coupled_plant"].computed[name] == expected
+
+
+def test_claims_by_kind_and_place(claims):
+    kinds = [claim.kind for claim in claims.values()]
+    assert [kinds.count(kind) for kind in KINDS] == [21, 3, 2]
+    for claim in claims.values():
+        assert re.search(r"Table|Figure|Eq|Algorithm|Section", claim.place), claim.id
+        assert ("construction" in claim.why or "chose" in claim.why) == (claim.kind == KINDS[1])
 
 
 # --- other numbers ---------------------------------------------------------------------------

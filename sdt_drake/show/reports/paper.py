@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 
 from sdt_drake.analysis import paper
-from sdt_drake.analysis.claims import NOT_COMPARABLE, NOT_REPRODUCED, REPRODUCED, VERDICTS
+from sdt_drake.analysis.claims import (
+    BEYOND,
+    BY_CONSTRUCTION,
+    NOT_COMPARABLE,
+    NOT_REPRODUCED,
+    OF_THE_PAPER,
+    REPRODUCED,
+    VERDICTS,
+)
 from sdt_drake.analysis.metrics import METRICS, plain_number
 from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.analysis.reported import LEGEND, Judged, verdict_of_all
@@ -43,6 +51,24 @@ LOOKS = {
 def count_verdicts(claims: Sequence[Json]) -> dict[str, int]:
     """Count the claims of summary.json by verdict."""
     return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
+
+
+def claims_in_words(claims: Sequence[Json]) -> str:
+    """Return a sentence for each kind of claim of summary.json, with its verdicts."""
+    sentences = []
+    for kind, text in _KINDS.items():
+        own = [claim for claim in claims if claim.get("kind", OF_THE_PAPER) == kind]
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in count_verdicts(own).items() if n)
+        if own:
+            sentences.append(text.format(n=len(own), counts=counts))
+    return " ".join(sentences)
+
+
+_KINDS = {
+    OF_THE_PAPER: "Of {n} claims of the paper that were computed independently: {counts}.",
+    BY_CONSTRUCTION: "{n} more agree by construction, as the device is calibrated to them.",
+    BEYOND: "{n} ask the same beyond the paper, on the coupled plant: {counts}.",
+}
 
 
 def write_report(folder: Path, studies: Sequence[Mapping[str, object]] = ()) -> Path:
@@ -171,8 +197,14 @@ def _values(summary: Json) -> dict[str, object]:
         **_numbers(summary),
         "versions": summary["versions"],
         "verdicts": [(count, verdict, LOOKS[verdict][0]) for verdict, count in counts],
+        "claims_in_words": claims_in_words(claims),
         "claims": [
-            {**claim, "sign": LOOKS[claim["verdict"]][1], "numbers": value_table(claim)}
+            {
+                **claim,
+                "place": claim.get("place", ""),
+                "sign": LOOKS[claim["verdict"]][1],
+                "numbers": value_table(claim),
+            }
             for claim in claims
         ],
         "table1": _table1(summary["table1"]),
