@@ -11,8 +11,9 @@ import numpy as np
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import MAX_PERIODS, InputError, within
-from sdt_drake.io.files import replacing_files
+from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.results import Results
+from sdt_drake.io.versions import versions
 from sdt_drake.machine.drive_files import formats
 from sdt_drake.machine.drive_files.drives import Drives
 from sdt_drake.machine.drive_files.set_points import (
@@ -29,8 +30,8 @@ from sdt_drake.run.simulate import simulate
 from sdt_drake.run.tuning import Feedforward
 
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
-READ_BACK = "read_back.csv"
-FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK)
+READ_BACK, READ_ME = "read_back.csv", "README.md"
+FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK, READ_ME)
 """Files of an exported motion. READ_BACK has the errors of loops that are fed from the others."""
 
 
@@ -73,7 +74,7 @@ def export(
     title: str,
     source: str = "drives",
 ) -> Exported:
-    """Write the motion of a design as CSV, ST, CAM and TRAJECTORY; all files or none.
+    """Write the motion of a design as CSV, ST, CAM, TRAJECTORY and READ_ME; all files or none.
 
     Torques are the nominal robot's inverse dynamics. With a learned reference, motion and torques
     are those of its flights.
@@ -112,7 +113,39 @@ def export(
         formats.write_st(new / ST, drives, points, rest, title)
         formats.write_cam(new / CAM, cam)
         formats.write_trajectory(new / TRAJECTORY, robot, own, motion.vd)
+        _write_read_me(new / READ_ME, design, drives, points, title)
     return Exported(samples, points, cam, own)
+
+
+def _write_read_me(
+    path: Path, design: Design, drives: Drives, points: SetPoints, title: str
+) -> None:
+    """Write what an engineer needs to know before the drives play the files."""
+    robot = design.nominal
+    axes, homing = [], []
+    for k, (name, axis) in enumerate(zip(robot.joint_names, drives.axes, strict=True)):
+        gear = axis.gear_ratio or robot.gear_ratio[k]
+        torque = f"0.1 % of {axis.rated_torque:g} N m"
+        cells = (axis.increments, f"{gear:g}", axis.sign, axis.speed_unit, torque)
+        axes.append((k + 1, name, *cells, ", ".join(axis.objects)))
+        first, last = points.position[[0, -1], k]
+        start = f"{np.degrees(design.motion.q[0, k]):g}"
+        homing.append((k + 1, name, axis.zero, first, start, last))
+    text = Path(__file__).with_name("export.md").read_text(encoding="utf-8")
+    values = {
+        "title": title,
+        "version": versions()["package"],
+        "duration": design.motion.duration,
+        "cycle": 1e3 * drives.cycle_time,
+        "rows": len(points.position),
+        "axes": _rows(axes),
+        "homing": _rows(homing),
+    }
+    write_text(path, text.format(**values))
+
+
+def _rows(rows: Sequence[Sequence[object]]) -> str:
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
 
 
 def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:
