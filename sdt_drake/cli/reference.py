@@ -70,9 +70,5 @@ def _print_sheet(title: str, sheet: Sheet) -> None:
     for paragraph in sheet.text.split("\n\n"):
         say_wrapped(paragraph, "", "", _WIDTH)
     for row in sheet.rows:
-        cells = dict(zip(sheet.header[1:-1], row[1:-1], strict=True))
-        unit = f"[{unit}]" if (unit := cells.pop("unit", "")) else ""
-        texts = [f"{cells.pop('takes', '')} {unit}".strip()]
-        texts += [f"{header} {cell}" for header, cell in cells.items() if cell]
-        say_wrapped(f"{row[0]}: {'; '.join(filter(None, texts))}", "  ", "  ", _WIDTH)
+        say_wrapped(f"{row[0]}: {sheet.details(row)}", "  ", "  ", _WIDTH)
         say_wrapped(row[-1], "      ", "      ", _WIDTH)

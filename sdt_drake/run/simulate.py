@@ -183,9 +183,7 @@ class Recording(Shown):
         names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
         listed = ", ".join(f"{name}_k" for name in names)
         again = "an older one has to be simulated again"
-        expected = (
-            f"a recording as `simulate` writes it ({again}): time and for joint k {listed}"
-        )
+        expected = f"a recording as `simulate` writes it ({again}): time and for joint k {listed}"
         check_columns(path, columns, names, expected)
         return Recording(time=time, **{name: columns[name] for name in names})
 

@@ -60,6 +60,14 @@ class Sheet(NamedTuple):
     rows: Sequence[Sequence[str]]
     """Rows that begin with a name and end with its meaning."""
 
+    def details(self, row: Sequence[str]) -> str:
+        """Return the cells of a row between its name and its meaning: values, unit, default."""
+        cells = dict(zip(self.header[1:-1], row[1:-1], strict=True))
+        unit = f"[{unit}]" if (unit := cells.pop("unit", "")) else ""
+        parts = [f"{cells.pop('takes', '')} {unit}".strip()]
+        parts += [f"{header} {cell}" for header, cell in cells.items() if cell]
+        return "; ".join(filter(None, parts))
+
 
 @dataclass(frozen=True)
 class Chapter:
@@ -68,9 +76,15 @@ class Chapter:
     title: str
     sheets: Sequence[Sheet]
 
-    def markdown(self) -> str:
-        """Render the chapter as Markdown."""
-        return render("reference.md.j2", chapter=self).strip()
+    def markdown(self, anchor: Callable[[str, str], str] | None = None) -> str:
+        """Return the chapter as a section of a page; `anchor` names the place of each field."""
+        return render("reference.md.j2", chapter=self, anchor=anchor).strip()
+
+
+def anchor(title: str, field: str) -> str:
+    """Return the name of a field's place on its page of the documentation."""
+    name = field if field.startswith(title) else f"{title}.{field}"
+    return re.sub(r"[^\w.]+", "-", name).strip("-.")
 
 
 def _fields(topic: str, title: str, note: str = "") -> Chapter:

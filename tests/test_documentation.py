@@ -1,0 +1,105 @@
+"""README and the pages of the documentation, and the command that opens them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from sdt_drake.cli.app import commands, main
+from sdt_drake.cli.docs import pages
+from sdt_drake.motion import Motion
+
+design = import_module("sdt_drake.run.design")  # the name in the package is the function
+ROOT = Path(__file__).resolve().parents[1]
+TEXTS = {
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in [
+        *(ROOT / name for name in ("README.md", "diagrams/README.md", "models/README.md")),
+        ROOT / "tests/benchmarks/README.md",
+        *sorted((ROOT / ".github").rglob("*.md")),
+    ]
+}
+LINES = {
+    line.partition(" > ")[0].partition(" #")[0].strip()
+    for text in TEXTS.values()
+    for line in re.findall(r"^ *(?:- )?sdt-drake ([a-z].*)$", text, re.MULTILINE)
+} | set(re.findall(r"^\| `([^`]*)` \| [^|]* s \|", TEXTS["README.md"], re.MULTILINE))
+
+
+@pytest.mark.parametrize("line", sorted(LINES))
+def test_commands_are_accepted(line):
+    words = shlex.split(line)
+    commands(words[0]).parse_args(words)
+
+
+@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "```python" in text])
+def test_python_runs(page, tmp_path, monkeypatch, capsys):
+    def first(scenario, robot, whole=design.plan_of):  # of 1 s: its numbers are not looked at
+        plan = whole(scenario, robot)
+        start = (values[:201] for values in (plan.motion.q, plan.motion.v, plan.motion.vd))
+        return replace(plan, motion=Motion(plan.motion.period, *start))
+
+    monkeypatch.setattr(design, "plan_of", first)
+    monkeypatch.chdir(tmp_path)
+    for block in re.findall(r"^```python\n(.*?)^```", TEXTS[page], re.MULTILINE | re.DOTALL):
+        exec(compile(block, page, "exec"), {})
+    assert capsys.readouterr().out
+    assert list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize("page", TEXTS)
+def test_links_exist(page):
+    text = re.sub(r"```.*?```", "", TEXTS[page], flags=re.DOTALL)
+    for target, heading in re.findall(r"\]\((?!http)([^)#\s]*)(#[^)\s]*)?\)", text):
+        file = (ROOT / page).parent / target if target else ROOT / page
+        if "docs/pages" in page and not file.exists():
+            continue  # made by the builder of the site, which checks its links itself
+        assert file.exists(), target
+        if heading:
+            titles = re.findall(r"^#+ (.*)", file.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = {re.sub(r"[^\w -]", "", t).lower().replace(" ", "-") for t in titles}
+            assert heading[1:] in slugs, heading
+
+
+def test_readme_is_short_and_has_one_command_to_reproduce_and_one_to_test():
+    readme = TEXTS["README.md"]
+    assert len(readme.splitlines()) <= 120
+    lines = re.findall(r"^```sh\n(.*)\n```", readme, re.MULTILINE)
+    assert [line.rsplit("/", 1)[1].split()[0] for line in lines] == ["sdt-drake", "pytest"]
+
+
+@pytest.mark.parametrize(
+    "topic, page",
+    [
+        (None, ""),
+        ("simulate", "reference/commands#sdt-drake-simulate"),
+        ("scenario", "reference/files/scenario"),
+        ("controller.kp", "reference/files/scenario#controller.kp"),
+        ("kp", "reference/files/scenario#controller.kp"),
+        ("!Ramp", "reference/files/motion#Ramp.at"),
+        ("perceive", "reference/python#sdt_drake.perceive"),
+    ],
+)
+def test_page_of_a_topic(topic, page):
+    assert pages(topic)[0] == page
+
+
+def test_docs_prints_addresses(capsys, tmp_path):
+    assert main(["docs", "kp", "--print"]) == 0
+    address = capsys.readouterr().out.strip()
+    assert re.fullmatch(r"https://.*/reference/files/scenario/#controller\.kp", address)
+    (tmp_path / "index.html").touch()
+    assert main(["docs", "--print", "--folder", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"{(tmp_path / 'index.html').as_uri()}\n"
+
+
+def test_docs_without_a_page(capsys, tmp_path):
+    assert main(["docs", "simulat"]) == 2
+    assert "did you mean 'simulate'" in capsys.readouterr().err
+    assert main(["docs", "--folder", str(tmp_path)]) == 2
+    assert "index.html" in capsys.readouterr().err
