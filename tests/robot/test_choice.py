@@ -52,34 +52,28 @@ def points(robot, masses, q):
     return M
 
 
-@pytest.mark.parametrize(
-    "fields, torque, rotor_inertia, gear_ratio",
-    [
-        ({"motors": FITTED, "fitted": FITTED}, [203.2, 3950, 2150, 2150], None, [67.2, 1, 1, 1]),
-        (
-            {"motors": LIGHTER, "fitted": FITTED},
-            [150, 2860, 1430, 716],
-            [0.0953, 0.706, 0.353, 0.177],
-            [67.2, 1, 1, 1],
-        ),
-        ({"gear_ratio": [50, 1, 1, 2]}, [203.2, 3950, 2150, 2150], None, [50, 1, 1, 2]),
-    ],
-    ids=["fitted", "lighter", "gears alone"],
-)
-def test_limits_rotors_and_gears(robot, fields, torque, rotor_inertia, gear_ratio):
+ROTORS = [0.0953, 0.706, 0.353, 0.177]  # of the lighter motors [kg m²]
+CHOICES = {
+    "lighter": ({"motors": LIGHTER, "fitted": FITTED}, [150, 2860, 1430, 716], ROTORS, 67.2),
+    "gears alone": ({"gear_ratio": [50, 1, 1, 1]}, [203.2, 3950, 2150, 2150], None, 50),
+}
+
+
+@pytest.mark.parametrize("fields, torque, rotors, ratio", CHOICES.values(), ids=CHOICES)
+def test_limits_rotors_and_gears(robot, fields, torque, rotors, ratio):
     other = chosen_robot(robot, DeviceChoice(**fields))
-    np.testing.assert_allclose(other.effort_limit, np.multiply(torque, gear_ratio), rtol=1e-15)
-    np.testing.assert_array_equal(other.rotor_inertia, rotor_inertia or robot.rotor_inertia)
-    np.testing.assert_array_equal(other.gear_ratio, gear_ratio)
+    ratios = [ratio, 1, 1, 1]
+    np.testing.assert_allclose(other.effort_limit, np.multiply(torque, ratios), rtol=1e-15)
+    np.testing.assert_array_equal(other.rotor_inertia, rotors or robot.rotor_inertia)
+    np.testing.assert_array_equal(other.gear_ratio, ratios)
     np.testing.assert_array_equal(other.velocity_limit, robot.velocity_limit)
-    if rotor_inertia is None:  # the motors of the SDF
+    if rotors is None:  # the motors of the SDF
         assert other.frequency_factor == 1
         np.testing.assert_array_equal(links(other, Q[0]), links(robot, Q[0]))
 
 
 def test_a_choice_of_nothing_is_the_robot_itself(robot):
-    for choice in (DeviceChoice(), DeviceChoice(motors=[""] * 4)):
-        assert chosen_robot(robot, choice) is robot
+    assert chosen_robot(robot, DeviceChoice(motors=[""] * 4)) is robot
     fitted = chosen_robot(robot, DeviceChoice(fitted=FITTED))  # but for what its motors are known
     assert fitted.sdf is robot.sdf
     rpm = [MOTORS.motor(id_, "").n0_rpm for id_ in FITTED]
@@ -95,7 +89,7 @@ def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
     d_kk, before = (torque_groups(r, *motion).d_kk for r in (other, robot))
     by_hand = before + np.array([moving * ARM**2, 0, 0, 0])
     np.testing.assert_allclose(d_kk, by_hand, rtol=1e-12)
-    i_eff = by_hand / [67.2**2, 1, 1, 1] + [0.0953, 0.706, 0.353, 0.177]
+    i_eff = by_hand / [67.2**2, 1, 1, 1] + ROTORS
     np.testing.assert_allclose(effective_inertia(other, d_kk), i_eff, rtol=1e-12)
     gravity, held = (torque_groups(r, *motion).gravity for r in (other, robot))
     np.testing.assert_allclose(gravity, held, atol=1e-9)  # the axes meet where the masses are
@@ -122,12 +116,10 @@ def test_structure_scales_and_the_payload_does_not(robot):
         by_hand = s * (links(robot, q) - payload) + payload
         np.testing.assert_allclose(links(other, q), by_hand, rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(other.effort_limit, robot.effort_limit)
-
-
-def test_motors_are_no_structure(robot):
-    """s (M - m_f) + m: the motors that are kept do not scale."""
-    s, motors = 0.8, ["", "TM-5270", "", "TM-1430"]
-    other = chosen_robot(robot, DeviceChoice(motors, structure_scale=s, fitted=FITTED))
+    # The motors do not scale, also those that are kept: s (M - m_f) + m.
+    other = chosen_robot(
+        robot, DeviceChoice(["", "TM-5270", "", "TM-1430"], structure_scale=s, fitted=FITTED)
+    )
     fitted, new = MASS["TM-3950"] + 2 * MASS["TM-2150"], MASS["TM-5270"] + 85 + MASS["TM-1430"]
     by_hand = s * (total_mass(robot) - PAYLOAD - fitted) + PAYLOAD + new
     assert total_mass(other) == pytest.approx(by_hand, rel=1e-14)
@@ -146,49 +138,27 @@ def test_frequency_of_the_structure(robot, s, p):
     assert again.frequency_factor == pytest.approx(1, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    "values, message",
-    [
-        ({"motors": ["AC-203", "TM-999", "", ""]}, "motors[2]: no motor 'TM-999'"),
-        ({"motors": LIGHTER, "gear_ratio": [67.2, 2, 1, 1]}, "gear_ratio[2]: 2, but TM-2860"),
-        ({"structure_scale": 2.0, "payload": "seat"}, "payload: no link 'seat', expected one of"),
-        ({"fitted": ["AC-204", "", "", ""]}, "fitted[1]: no motor 'AC-204'"),
-    ],
-)
+HEAVY = {"motors": ["", "", "TM-716", ""], "fitted": ["", "", "TM-5270", ""]}
+BAD = [
+    ({"motors": ["AC-203", "TM-999", "", ""]}, "device.motors[2]: no motor 'TM-999'"),
+    ({"motors": LIGHTER, "gear_ratio": [67.2, 2, 1, 1]}, "device.gear_ratio[2]: 2, but TM-2860"),
+    ({"structure_scale": 2, "payload": "seat"}, "device.payload: no link 'seat', expected one of"),
+    (HEAVY, "device: link 'roll_frame' would be left with -90 kg"),
+]
+
+
+@pytest.mark.parametrize("values, message", BAD)
 def test_a_bad_choice_is_refused(robot, values, message):
-    with pytest.raises(InputError, match="^" + re.escape(f"device.{message}")):
-        chosen_robot(robot, DeviceChoice(**{"fitted": FITTED} | values))
-
-
-def test_a_link_lighter_than_its_motor_is_refused(robot):
     light = deviated(robot, Deviation(link_scales=[1, 0.2, 1, 1, 1]))  # roll_frame: 60 kg
-    with pytest.raises(InputError) as error:
-        chosen_robot(light, DeviceChoice(["", "", "TM-716", ""], fitted=["", "", "TM-5270", ""]))
-    assert str(error.value) == "device: link 'roll_frame' would be left with -90 kg"
+    with pytest.raises(InputError, match="^" + re.escape(message)):
+        chosen_robot(light, DeviceChoice(**{"fitted": FITTED} | values))
 
 
-# --- in a scenario ---------------------------------------------------------------------------
-
-
-def with_device(**values):
-    scenario = load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml")
-    scenario.device = DeviceChoice(**values)
-    return scenario
-
-
-@pytest.fixture
-def swing(tmp_path) -> str:
-    """A motion of 0.2 s in which all joints turn."""
-    path = tmp_path / "swing.csv"
+def test_planner_controller_and_plant_know_the_device(robot):
+    scenario = load_scenario("coupled_pi_ctc")
+    scenario.device = DeviceChoice(motors=LIGHTER, structure_scale=0.8, fitted=FITTED)
     v = 0.02 * np.sin(np.linspace(0, np.pi, 41))[:, None] * np.ones(4)
-    Motion.from_speeds(0.005, np.zeros(4), v).to_csv(path)
-    return str(path)
-
-
-def test_planner_controller_and_plant_know_the_device(robot, swing):
-    scenario = with_device(motors=LIGHTER, structure_scale=0.8, fitted=FITTED)
-    scenario.motion = swing
-    made = make_design(scenario)
+    made = make_design(scenario, motion=Motion.from_speeds(0.005, np.zeros(4), v))
     chosen = chosen_robot(robot, scenario.device)
     for known in (made.robot, made.nominal, made.model):
         np.testing.assert_array_equal(known.effort_limit, chosen.effort_limit)

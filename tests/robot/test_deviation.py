@@ -20,21 +20,18 @@ def total_mass(robot) -> float:
 def test_an_edit_reaches_the_plant_and_not_the_file_and_is_checked():
     arm = loaded(ARM.replace("http://drake", "drake"))  # the address does not matter
 
-    def mass(value):
+    def with_mass(value):
         def edit(root):
-            root.find(".//link[@name='lower']/inertial/mass").text = value
+            root.find(".//link[2]/inertial/mass").text = value
 
-        return edit
+        return edited(arm, edit)
 
-    other = edited(arm, mass("7"))
+    other = with_mass("7")
     assert total_mass(other) == 11 and other.rotor_inertia.tolist() == [0.01, 0]
     assert total_mass(load_robot(other.path)) == 6
     where = re.escape(f"{arm.path}")
     with pytest.raises(InputError, match=rf"^{where}: link 'lower': <mass> -7 kg, expected"):
-        edited(arm, mass("-7"))
-
-
-# --- each error ------------------------------------------------------------------------------
+        with_mass("-7")
 
 
 @pytest.mark.parametrize(
@@ -66,22 +63,13 @@ def test_a_link_without_mass_gets_none():
         deviated(robot, Deviation("upper", payload_mass=1.0))
 
 
-# --- none, several, bad ones -----------------------------------------------------------------
-
-
 def test_without_errors_the_model_is_the_robot_itself(robot):
-    assert Deviation().exact
-    assert deviated(robot, Deviation()) is robot
+    assert Deviation().exact and deviated(robot, Deviation()) is robot
     assert deviated(robot, Deviation(payload="gondola")) is robot
-    with pytest.raises(InputError, match=r"^deviation\.payload: no link 'paylod', expected one"):
-        deviated(robot, Deviation(payload="paylod"))
-    for errors in (
-        Deviation(payload_mass=1e-9),
-        Deviation(payload_offset=[0, 0, 1e-9]),
-        Deviation(inertia_scale=1 + 1e-9),
-    ):
-        assert not errors.exact
-        assert deviated(robot, errors) is not robot
+    some = {"payload_mass": 1e-9, "payload_offset": [0, 0, 1e-9], "inertia_scale": 1 + 1e-9}
+    for name, value in some.items():
+        errors = Deviation(**{name: value})
+        assert not errors.exact and deviated(robot, errors) is not robot
 
 
 def test_errors_of_a_model_of_a_model_add_up(robot):
@@ -94,27 +82,11 @@ def test_errors_of_a_model_of_a_model_add_up(robot):
 @pytest.mark.parametrize(
     "values, message",
     [
-        (
-            {"payload_mass": -200},
-            "payload_mass: -200 kg would leave -20 kg of link 'payload', expected more than -180",
-        ),
-        (
-            {"payload_mass": -180, "inertia_scale": 2.0},
-            "payload_mass: -180 kg would leave 0 kg of link 'payload', expected more than -180",
-        ),
-        (
-            {"payload": "seat", "payload_offset": [0, 0, 1]},
-            "payload: no link 'seat', expected one of arm, roll_frame, pitch_frame, gondola, "
-            "payload",
-        ),
-        (
-            {"link_scales": [1.1] * 4},
-            "link_scales: 4 value(s), expected 5, one for each of arm, roll_frame, pitch_frame, "
-            "gondola, payload",
-        ),
+        ({"payload_mass": -180, "inertia_scale": 2.0}, "payload_mass: -180 kg would leave 0 kg of"),
+        ({"payload": "seat"}, "payload: no link 'seat', expected one of arm, roll_frame"),
+        ({"link_scales": [1.1] * 4}, "link_scales: 4 value(s), expected 5, one for each of arm"),
     ],
 )
 def test_an_error_that_does_not_fit_the_robot_is_refused(robot, values, message):
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match="^" + re.escape(f"model.{message}")):
         deviated(robot, Deviation(**values), "model")
-    assert str(error.value) == f"model.{message}"

@@ -6,25 +6,14 @@ import numpy as np
 import pytest
 from robots import ARM, loaded
 
-from sdt_drake.robot.dynamics import (
-    InertiaRange,
-    decouple,
-    torque_groups,
-    where_largest,
-)
+from sdt_drake.robot.dynamics import InertiaRange, decouple, torque_groups, where_largest
 
 # --- torque groups (Eq. 2) ------------------------------------------------------------------
 
 
-def random_states(robot, count: int):
-    """q, v, vd [rad, rad/s, rad/s²] of shape (count, n)."""
-    rng = np.random.default_rng(1)
-    return rng.uniform([[[-3]], [[-2]], [[-5]]], [[[3]], [[2]], [[5]]], (3, count, robot.n))
-
-
 def test_groups_of_a_planar_arm_are_those_of_the_textbook():
     arm = loaded(ARM)
-    q, v, vd = random_states(arm, 20)
+    q, v, vd = np.random.default_rng(1).uniform(-3, 3, (3, 20, 2))
     groups = torque_groups(arm, q, v, vd)
     # Lengths, masses and inertias of ARM; positive angles lower the links.
     l1, c1, c2, m1, m2, I1, I2, damping, g = 0.8, 0.5, 0.3, 4, 2, 0.5, 0.2, 0.7, 9.81
@@ -71,40 +60,27 @@ def test_third_branch_covers_most_of_the_reference_motion(design):
 # --- effective inertia (Eq. 3) --------------------------------------------------------------
 
 
-def to_printed_digits(values, printed: str) -> list[str]:
-    """`values` as text with as many decimals as each of the `printed` numbers."""
-    return [
-        f"{value:.{len(text.partition('.')[2])}f}"
-        for value, text in zip(values, printed.split(), strict=True)
-    ]
+PRINTED = {
+    "maximum": "4.2601 98.0127 796.298 250.280",
+    "median": "4.004 77.61 792.10 250.28",
+    "minimum": "3.830 66.82 774.84 250.28",
+    "variation_percent": "10.09 31.82 2.69 0",
+    "coupled": "4031 3419 678 288",
+}
 
 
-@pytest.mark.parametrize(
-    "quantity, printed",
-    [
-        ("maximum", "4.2601 98.0127 796.298 250.280"),
-        ("median", "4.004 77.61 792.10 250.28"),
-        ("minimum", "3.830 66.82 774.84 250.28"),
-        ("variation_percent", "10.09 31.82 2.69 0"),
-        ("coupled", "4031 3419 678 288"),
-    ],
-)
-def test_range_along_the_reference_motion_is_that_of_the_independent_calculation(
-    design, quantity, printed
-):
-    if quantity == "coupled":
-        values = np.max(np.abs(design.torques.coupled), axis=0)
-    else:
-        values = getattr(design.inertia, quantity)
-    assert to_printed_digits(values, printed) == printed.split()
+@pytest.mark.parametrize("quantity", PRINTED)
+def test_range_along_the_reference_motion_is_that_of_the_independent_calculation(design, quantity):
+    coupled = np.max(np.abs(design.torques.coupled), axis=0)
+    values = coupled if quantity == "coupled" else getattr(design.inertia, quantity)
+    for value, text in zip(values, PRINTED[quantity].split(), strict=True):
+        assert f"{value:.{len(text.partition('.')[2])}f}" == text
 
 
 def test_range_of_a_few_samples_is_the_one_computed_by_hand():
     inertia = InertiaRange.of([[4.0, 7.0], [1.0, 7.0], [2.0, 7.0], [1.0, 7.0]])
-    np.testing.assert_array_equal(inertia.maximum, [4, 7])
-    np.testing.assert_array_equal(inertia.median, [1.5, 7])
-    np.testing.assert_array_equal(inertia.minimum, [1, 7])
-    np.testing.assert_array_equal(inertia.variation_percent, [75, 0])
+    found = (inertia.maximum, inertia.median, inertia.minimum, inertia.variation_percent)
+    np.testing.assert_array_equal(found, [[4, 7], [1.5, 7], [1, 7], [75, 0]])
 
 
 def test_the_largest_inertia_is_taken_first_in_time_round_off_apart():

@@ -49,20 +49,10 @@ def test_peak_at_the_stribeck_speed_is_breakaway():
     np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
 
 
-# --- defaults --------------------------------------------------------------------------------
-
-
-def test_no_friction_by_default():
+def test_defaults_are_no_friction_and_no_peak():
     assert Friction().is_none and Friction(stribeck_speed=1.0).is_none
-    assert not any(
-        Friction(**{name: [0.0]}).is_none for name in ("coulomb", "viscous", "breakaway", "offset")
-    )
-    np.testing.assert_array_equal(at(Friction(), np.linspace(-1, 1, 21)), 0)
-
-
-def test_breakaway_is_coulomb_by_default():
-    friction = friction_parameters(Friction(coulomb=COULOMB), 4)
-    np.testing.assert_array_equal(friction.breakaway, COULOMB)
-    np.testing.assert_array_equal(friction.viscous, 0)
+    for name in ("coulomb", "viscous", "breakaway", "offset"):
+        assert not Friction(**{name: [0.0]}).is_none
     v = np.array([0.01, 1, 30]) * V_S
+    np.testing.assert_array_equal(at(Friction(), v), 0)
     np.testing.assert_array_equal(at(Friction(coulomb=COULOMB), v), [COULOMB] * 3)

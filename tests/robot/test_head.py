@@ -2,20 +2,13 @@
 
 import numpy as np
 import pytest
+from robots import ARM, loaded
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.head import GRAVITY, check_head, has_head, head_motion, head_motion_of_samples
-from sdt_drake.robot.robot import edited, load_robot
 
 ABOVE, BEHIND = 0.33, 0.13  # of the head from the point where roll, pitch and yaw axes meet [m]
 RADIUS = 2.6
-
-
-def headless(root):
-    model = root.find("model")
-    for frame in model.findall("frame"):
-        if frame.get("name") == "head":
-            model.remove(frame)
 
 
 def still(robot, q, v=(0, 0, 0, 0), vd=(0, 0, 0, 0)):
@@ -31,18 +24,16 @@ def test_axes_of_the_head_at_zero(robot):
     np.testing.assert_allclose(motion.resultant_g, 1, rtol=1e-14)
 
 
-@pytest.mark.parametrize("angle", [0.4])
-def test_attitudes_have_the_signs_of_flying(robot, angle):
+def test_attitudes_have_the_signs_of_flying(robot):
     """Roll by joint 2 tilts the force sideways, pitch by joint 3 forward or back."""
-    s, c = GRAVITY * np.sin(angle), GRAVITY * np.cos(angle)
-    rolled = still(robot, (0, angle, 0, 0)).specific_force[0]
-    pitched = still(robot, (0, 0, angle, 0)).specific_force[0]
+    s, c = GRAVITY * np.sin(0.4), GRAVITY * np.cos(0.4)
+    rolled = still(robot, (0, 0.4, 0, 0)).specific_force[0]
+    pitched = still(robot, (0, 0, 0.4, 0)).specific_force[0]
     np.testing.assert_allclose(rolled, [0, s, c], atol=1e-12)  # right ear down: pushed left
     np.testing.assert_allclose(pitched, [s, 0, c], atol=1e-12)  # nose up: pushed forward
 
 
-@pytest.mark.parametrize("omega", [-2.4])
-def test_constant_planetary_speed_with_the_gondola_aligned(robot, omega):
+def test_constant_planetary_speed_with_the_gondola_aligned(robot, omega=-2.4):
     """sqrt(1 + (omega² R / g)²), with R that of the head, not that of the roll axis.
 
     Aligned: the roll angle phi at which nothing pushes sideways. The head is then closer to the
@@ -77,8 +68,8 @@ def test_samples_are_differentiated_in_time_with_position_and_speed(robot):
 
 
 def test_a_robot_without_a_head_says_how_to_add_one():
-    robot = edited(load_robot(), headless)
+    robot = loaded(ARM)
     assert not has_head(robot)
-    for refuse in (check_head, lambda r: still(r, (0, 0, 0, 0))):
-        with pytest.raises(InputError, match=r'sdt\.sdf: no pilot\'s head; add <frame name="head"'):
+    for refuse in (check_head, lambda r: still(r, (0, 0), (0, 0), (0, 0))):
+        with pytest.raises(InputError, match=r'\.sdf: no pilot\'s head; add <frame name="head"'):
             refuse(robot)

@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
-from robots import ARM, chain_names, chain_sdf
+from robots import ARM, loaded
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot
-
-
-@pytest.fixture
-def write(tmp_path):
-    """Write the text of an SDF; gives its path."""
-
-    def write_sdf(text: str, name: str = "robot.sdf"):
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        return path
-
-    return write_sdf
-
 
 # --- the shipped device ----------------------------------------------------------------------
 
 
 def test_shipped_motors_and_limits_are_the_published_ones(robot):
-    assert robot.name == "sdt"
-    assert robot.n == 4
+    assert (robot.name, robot.n) == ("sdt", 4)
     assert robot.joint_names == ("planetary", "roll", "pitch", "yaw")
     np.testing.assert_allclose(robot.effort_limit, [13655.04, 3950, 2150, 2150], rtol=1e-12)
     np.testing.assert_allclose(robot.motor_torque_limit, [203.2, 3950, 2150, 2150], rtol=1e-12)
@@ -77,36 +61,13 @@ def test_plant_passes_any_torque_on_and_is_copied(robot):
     np.testing.assert_array_equal(plant.get_net_actuation_output_port().Eval(context), torque)
 
 
-# --- any serial chain ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("n, base", [(1, False), (7, True)])
-def test_any_chain_loads_with_states_and_actuators_from_base_to_tip(write, n, base):
-    robot = load_robot(write(chain_sdf(n, seed=n, base=base, rotor_inertia=1e6)))
-    k = np.arange(1, n + 1)
-    assert robot.joint_names == chain_names(n)
-    np.testing.assert_allclose(robot.effort_limit, 100 * k)
-    np.testing.assert_allclose(robot.rotor_inertia, 1e6 * k)
-    np.testing.assert_allclose(robot.reflected_inertia, 4e6 * k)
-    np.testing.assert_allclose(robot.damping, 0.1 * k)
-    plant = robot.plant
-    context = plant.CreateDefaultContext()
-    # Velocity k is that of joint k: the motor of joint k outweighs the links by far.
-    M = plant.CalcMassMatrix(context)
-    np.testing.assert_allclose(M.diagonal() / 4e6, k, rtol=1e-3)
-    np.testing.assert_array_equal(plant.MakeActuationMatrix(), np.eye(n))
-    # Position k is that of joint k.
-    for i, name in enumerate(robot.joint_names):
-        plant.SetPositions(context, np.eye(n)[i])
-        assert plant.GetJointByName(name).get_angle(context) == 1
-
-
-def test_values_of_an_sdf_reach_the_robot(write):
-    limit = "<effort>40</effort><drake:acceleration>2.5</drake:acceleration>"
+def test_values_of_an_sdf_reach_the_robot():
+    limit = (
+        "<effort>4<!-- a --><![CDATA[0]]>&#32;</effort><drake:acceleration>2.5</drake:acceleration>"
+    )
     limit += "<lower>-1e16</lower><upper>1e+16</upper>"  # so say many files: none
-    path = write(ARM.replace("<effort>40</effort>", limit))
-    robot = load_robot(str(path))
-    assert (robot.name, robot.path, robot.joint_names) == ("arm", path, ("shoulder", "elbow"))
+    robot = loaded(ARM.replace("<effort>40</effort>", limit))
+    assert (robot.name, robot.joint_names) == ("arm", ("shoulder", "elbow"))
     np.testing.assert_array_equal(robot.effort_limit, [90, 40])
     np.testing.assert_array_equal(robot.velocity_limit, [3, np.inf])
     np.testing.assert_array_equal(robot.acceleration_limit, [np.inf, 2.5])
@@ -125,7 +86,8 @@ _ELBOW_LIMIT = "<limit><effort>40</effort></limit>"
 _LOWER_INERTIAL = ARM[ARM.rindex("<inertial>") : ARM.rindex("</link>")]
 _THIRD_LINK = f'<link name="third"><pose relative_to="elbow"/>{_LOWER_INERTIAL}</link>'
 _END = "</model>"
-
+_ELBOW_JOINT = ARM[ARM.index('<joint name="elbow"') : ARM.index(_END)]
+_WRIST = _ELBOW_JOINT.replace('"elbow"', '"wrist"').replace("lower", "third")
 
 BAD = [
     # Masses and inertias that Drake would fill in or replace.
@@ -133,47 +95,28 @@ BAD = [
     ("<ixx>0.1<", "<ixy>0.3</ixy><ixx>0.1<", _LOWER + r".*principal moment -0\.154"),
     (_LOWER_INERTIAL, "", _LOWER + "no <mass>"),
     ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
-    ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
     # Numbers that Drake would take up to some letter, or of which it would take the first.
     ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
-    ("<effort>40", "<effort>\uff14\uff10", _ELBOW + "<effort> is '\uff14\uff10'"),
-    ("<effort>40", "<effort>4<b/>0", _ELBOW + "<effort> is '4'"),
     ("<effort>40", "<effort>" + 10**6 * "4", _ELBOW + r"<effort> is '4{40}\.\.\.'"),
     ("<pose>0.3 0", "<pose>0,3 0", _LOWER + "<pose> is '0,3 0 0 0 0 0', expected 6 or 7 numbers"),
-    ("0 1 0", "0 1 0 9", "<xyz> is '0 1 0 9', expected 3 numbers"),
     ("<mass>2</mass>", "<mass>2</mass><mass>3</mass>", _LOWER + "<mass> more than once"),
-    ("<effort>40<", "<effort>40</effort><effort>4<", _ELBOW + "<effort> more than once"),
     ("<axis><xyz>", "<axis><drake:gear_ratio>2</drake:gear_ratio><xyz>", "<gear_ratio> in <axis>"),
-    ("drake:gear_ratio", "drake:gear_ration", "<gear_ration> .* did you mean 'drake:gear_ratio'"),
     # Names.
     ("elbow", 10**5 * "e", r"<joint> has the name 'e{40}\.\.\.', expected 1 to 100"),
     ('"lower"', '"a&#10;b"', r"<link> has the name 'a\\nb', expected"),
     # Versions.
     ('version="1.9"', 'version="one"', "<sdf version='one'>, expected"),
-    ('version="1.9"', 'version="1.99"', "SDF version"),
     # Joints.
     ("<damping>", "<friction>0.2</friction><damping>", _SHOULDER + "<friction> 0.2"),
-    ("<damping>", "<spring_stiffness>5</spring_stiffness><damping>", _SHOULDER + "<spring_stiff"),
     ("<velocity>3", "<velocity>0", _SHOULDER + "<velocity> 0, expected a number > 0"),
     ('elbow" type="revolute"', 'elbow" type="prismatic"', "joint 'elbow' is prismatic"),
-    (
-        _END,
-        _THIRD_LINK
-        + ARM[ARM.index('<joint name="elbow"') : ARM.index(_END)]
-        .replace('"elbow"', '"wrist"')
-        .replace("lower", "third")
-        + _END,
-        "branches at joints 'elbow', 'wrist'",
-    ),
+    (_END, _THIRD_LINK + _WRIST + _END, "branches at joints 'elbow', 'wrist'"),
     (_END, _THIRD_LINK + _END, r"1 link\(s\) are not connected to the world"),
     ("revolute", "fixed", "no revolute joint"),
-    ("<damping>0.7", "<damping>nan", _SHOULDER + "<damping> is 'nan'"),
     # Forces that no torque group holds, and elements without effect.
     (_END, "<drake:linear_bushing_rpy/></model>", "<linear_bushing_rpy> in <model> is not supp"),
-    ("</limit></axis>", '</limit><mimic joint="shoulder"/></axis>', _ELBOW + "<mimic> in <axis>"),
     # Motors.
     (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf N m, expected a finite <effort> > 0"),
-    ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
     ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
@@ -183,60 +126,41 @@ BAD = [
     ("<mass>2", 100 * "<a>" + 100 * "</a>" + "<mass>2", "more than 50 nested elements"),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
     (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
-    ("<child>lower", "<child>nothing", "nothing"),
 ]
 
 
-@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_sdf_is_refused_with_file_place_and_number(write, old, new, message):
-    _check_refused(write, ARM.replace(old, new), message)
-
-
-def _check_refused(write, text: str, message: str) -> None:
+def refuse(text: str, message: str) -> None:
     assert text != ARM
-    path = write(text, "bad.sdf")
-    with pytest.raises(InputError, match=f"^{re.escape(str(path))}: .*{message}") as error:
-        load_robot(path)
+    with pytest.raises(InputError, match=rf"^/.*\.sdf: .*{message}") as error:
+        loaded(text)
     assert "\n" not in str(error.value) and len(str(error.value)) < 600
 
 
-@pytest.mark.parametrize("text", ["4<!-- a -->0", "4<![CDATA[0]]>&#32;"])
-def test_a_number_is_what_xml_says_it_is(write, text):
-    robot = load_robot(write(ARM.replace("<effort>40", f"<effort>{text}")))
-    assert robot.effort_limit[1] == 40
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
+    refuse(ARM.replace(old, new), message)
 
 
-_NO_BODY = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
-
-
-def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some(write, caplog):
+def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some(caplog):
+    none = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
     start, end = ARM.index("<mass>"), ARM.index("</inertial>") + len("</inertial>")
-    robot = load_robot(write(ARM[:start] + _NO_BODY + ARM[end:]))
-    assert [r.getMessage() for r in caplog.records] == [
-        f"{robot.path}: accepted without mass: upper"
-    ]
+    robot = loaded(ARM[:start] + none + ARM[end:])
+    (told,) = (record.getMessage() for record in caplog.records)
+    assert told == f"{robot.path}: accepted without mass: upper"
     # Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor.
     M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
     elbow = 0.2 + 2 * 0.3**2
     np.testing.assert_allclose(M, [[0.2 + 2 * 1.1**2 + 1, 0.2 + 2 * 0.3 * 1.1], [M[0, 1], elbow]])
+    text = ARM.replace(_LOWER_INERTIAL, f"<inertial>{none}")
+    refuse(text, _ELBOW + r"inertia about its axis 0 kg m².* 'shoulder' is 2\.5 kg")
 
 
-def test_a_link_without_mass_that_nothing_makes_up_for_is_refused(write):
-    text = ARM.replace(_LOWER_INERTIAL, f"<inertial>{_NO_BODY}")
-    _check_refused(write, text, _ELBOW + r"inertia about its axis 0 kg m².* 'shoulder' is 2\.5 kg")
-
-
-@pytest.mark.parametrize(
-    "reference, message",
-    [
-        ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
-        ("package://sdt/nothing.sdf", r"nothing\.sdf: no such file; shipped: .*sdt\.sdf"),
-        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf or \.urdf"),
-        ("binary.sdf", r"binary\.sdf: not well-formed XML"),
-    ],
-)
-def test_a_file_that_is_no_sdf_is_refused(tmp_path, monkeypatch, reference, message):
-    monkeypatch.chdir(tmp_path)
+def test_a_file_that_is_no_robot_is_refused(tmp_path):
     (tmp_path / "binary.sdf").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(InputError, match=message):
-        load_robot(reference)
+    for reference, message in (
+        ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
+        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf or \.urdf"),
+        (tmp_path / "binary.sdf", r"binary\.sdf: not well-formed XML"),
+    ):
+        with pytest.raises(InputError, match=message):
+            load_robot(reference)
