@@ -15,20 +15,20 @@ from sdt_drake.robot.robot import load_robot
 def test_shipped_motors_and_limits_are_the_published_ones(robot):
     assert (robot.name, robot.n) == ("sdt", 4)
     assert robot.joint_names == ("planetary", "roll", "pitch", "yaw")
-    np.testing.assert_allclose(robot.effort_limit, [13655.04, 3950, 2150, 2150], rtol=1e-12)
-    np.testing.assert_allclose(robot.motor_torque_limit, [203.2, 3950, 2150, 2150], rtol=1e-12)
-    np.testing.assert_array_equal(robot.gear_ratio, [67.2, 1, 1, 1])
-    np.testing.assert_array_equal(robot.rotor_inertia, [0.1291, 1.73, 0.531, 0.531])
-    np.testing.assert_allclose(
-        robot.reflected_inertia, [67.2**2 * 0.1291, 1.73, 0.531, 0.531], rtol=1e-12
-    )
-    rpm = 2 * np.pi / 60
-    np.testing.assert_allclose(
-        robot.velocity_limit, [2000 / 67.2 * rpm, 45 * rpm, 60 * rpm, 60 * rpm], rtol=2e-5
-    )
-    np.testing.assert_array_equal(robot.position_lower, [-np.inf] * 4)
-    np.testing.assert_array_equal(robot.position_upper, [np.inf] * 4)
-    np.testing.assert_array_equal(robot.damping, np.zeros(4))
+    rpm, rotors = 2 * np.pi / 60, [0.1291, 1.73, 0.531, 0.531]
+    for name, published in (
+        ("effort_limit", [13655.04, 3950, 2150, 2150]),
+        ("motor_torque_limit", [203.2, 3950, 2150, 2150]),
+        ("gear_ratio", [67.2, 1, 1, 1]),
+        ("rotor_inertia", rotors),
+        ("reflected_inertia", [67.2**2 * rotors[0], *rotors[1:]]),
+        ("position_lower", [-np.inf] * 4),
+        ("position_upper", [np.inf] * 4),
+        ("damping", np.zeros(4)),
+    ):
+        np.testing.assert_allclose(getattr(robot, name), published, rtol=1e-12, err_msg=name)
+    published = [2000 / 67.2 * rpm, 45 * rpm, 60 * rpm, 60 * rpm]
+    np.testing.assert_allclose(robot.velocity_limit, published, rtol=2e-5)
     np.testing.assert_allclose(robot.plant.gravity_field().gravity_vector(), [0, 0, -9.81])
 
 
@@ -44,9 +44,8 @@ def test_shipped_motors_and_limits_are_the_published_ones(robot):
 def test_shipped_links_have_the_calibrated_inertia(robot, links, mass, com, moments):
     plant = robot.plant
     bodies = [plant.GetBodyByName(name) for name in links]
-    total = plant.CalcSpatialInertia(
-        plant.CreateDefaultContext(), bodies[0].body_frame(), [b.index() for b in bodies]
-    )
+    context, frame = plant.CreateDefaultContext(), bodies[0].body_frame()
+    total = plant.CalcSpatialInertia(context, frame, [body.index() for body in bodies])
     assert total.get_mass() == pytest.approx(mass, rel=1e-12)
     np.testing.assert_allclose(total.get_com(), com, atol=1e-12)
     central = total.Shift(total.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
@@ -62,20 +61,22 @@ def test_plant_passes_any_torque_on_and_is_copied(robot):
 
 
 def test_values_of_an_sdf_reach_the_robot():
-    limit = (
-        "<effort>4<!-- a --><![CDATA[0]]>&#32;</effort><drake:acceleration>2.5</drake:acceleration>"
-    )
+    limit = "<effort>4<!-- a --><![CDATA[0]]>&#32;</effort>"
+    limit += "<drake:acceleration>2.5</drake:acceleration>"
     limit += "<lower>-1e16</lower><upper>1e+16</upper>"  # so say many files: none
     robot = loaded(ARM.replace("<effort>40</effort>", limit))
     assert (robot.name, robot.joint_names) == ("arm", ("shoulder", "elbow"))
-    np.testing.assert_array_equal(robot.effort_limit, [90, 40])
-    np.testing.assert_array_equal(robot.velocity_limit, [3, np.inf])
-    np.testing.assert_array_equal(robot.acceleration_limit, [np.inf, 2.5])
-    np.testing.assert_array_equal(robot.position_lower, [-2, -np.inf])
-    np.testing.assert_array_equal(robot.position_upper, [1, np.inf])
-    np.testing.assert_array_equal(robot.damping, [0.7, 0])
-    np.testing.assert_array_equal(robot.gear_ratio, [10, 1])
-    np.testing.assert_array_equal(robot.rotor_inertia, [0.01, 0])
+    for name, value in (
+        ("effort_limit", [90, 40]),
+        ("velocity_limit", [3, np.inf]),
+        ("acceleration_limit", [np.inf, 2.5]),
+        ("position_lower", [-2, -np.inf]),
+        ("position_upper", [1, np.inf]),
+        ("damping", [0.7, 0]),
+        ("gear_ratio", [10, 1]),
+        ("rotor_inertia", [0.01, 0]),
+    ):
+        np.testing.assert_array_equal(getattr(robot, name), value, err_msg=name)
 
 
 # --- what is refused -------------------------------------------------------------------------
@@ -144,7 +145,8 @@ def test_a_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
 def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some(caplog):
     none = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
     start, end = ARM.index("<mass>"), ARM.index("</inertial>") + len("</inertial>")
-    robot = loaded(ARM[:start] + none + ARM[end:])
+    text = ARM[:start] + none + ARM[end:]
+    robot = loaded(text.replace('name="arm"', 'name="own"'))  # each is told once
     (told,) = (record.getMessage() for record in caplog.records)
     assert told == f"{robot.path}: accepted without mass: upper"
     # Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor.

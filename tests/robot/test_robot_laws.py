@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from strategies import GENERATORS, moving, robots
@@ -44,7 +44,11 @@ def pinocchio_torque(robot, q, v, vd):
     return pin.rnea(model, model.createData(), q, v, vd)
 
 
-def check_groups(robot, q, v, vd):
+@MANY
+@given(moving())
+@example((load_robot(), *np.random.default_rng(1).uniform(-3, 3, (3, 5, 4))))
+def test_torque_groups_add_up_to_drakes_inverse_dynamics(case):
+    robot, q, v, vd = case
     groups = torque_groups(robot, q, v, vd)
     motors = robot.reflected_inertia * vd
     for i in range(len(q)):
@@ -59,21 +63,11 @@ def check_groups(robot, q, v, vd):
 
 @MANY
 @given(moving())
-def test_torque_groups_add_up_to_drakes_inverse_dynamics(case):
-    check_groups(*case)
-
-
-@MANY
-@given(moving())
 def test_torque_groups_add_up_to_pinocchios_inverse_dynamics(case):
     robot, total = case[0], torque_groups(*case).total
     for q, v, vd, torque in zip(*case[1:], total, strict=True):
         links = pinocchio_torque(robot, q, v, vd) + robot.damping * v
         np.testing.assert_allclose(torque, links, rtol=1e-8, atol=1e-8)
-
-
-def test_torque_groups_of_the_shipped_robot_add_up(robot):
-    check_groups(robot, *np.random.default_rng(1).uniform(-3, 3, (3, 5, 4)))
 
 
 @FEW
@@ -106,11 +100,9 @@ def test_power_of_the_torques_is_the_change_of_the_energy_and_the_loss(case):
         after, before = (
             energy(q[i] + s * v[i] + s * s * vd[i] / 2, v[i] + s * vd[i]) for s in (h, -h)
         )
-        loss = robot.damping @ v[i] ** 2
-        scale = np.abs(torque[i]) @ np.abs(v[i])
-        assert (after - before) / (2 * h) + loss == pytest.approx(
-            torque[i] @ v[i], abs=1e-4 * scale
-        )
+        power, scale = torque[i] @ v[i], np.abs(torque[i]) @ np.abs(v[i])
+        found = (after - before) / (2 * h) + robot.damping @ v[i] ** 2
+        assert found == pytest.approx(power, abs=1e-4 * scale)
 
 
 @MANY
@@ -157,15 +149,6 @@ def test_loads_follow_algorithm_1(own, coupled, r):
     assert help_ * own >= 0 and abs(r * help_) <= abs(own) + 1e-12
 
 
-@FEW
-@given(moving())
-def test_loads_of_any_motion_bear_its_coupling(case):
-    groups, r = torque_groups(*case), case[0].gear_ratio
-    loads = decouple(groups.inertial, groups.coupled, r)
-    both = r * (loads.load_torque - loads.alleviating_torque)
-    np.testing.assert_allclose(both, groups.coupled, rtol=1e-9, atol=1e-9)
-
-
 def check_head(robot, q, v, vd):
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     head, world = plant.GetFrameByName("head"), plant.world_frame()
@@ -196,11 +179,9 @@ def test_the_head_moves_as_in_drake(case):
     check_head(*case)
 
 
-@pytest.mark.parametrize("link", ["gondola", "pitch_frame", "arm"])
-def test_a_head_on_any_link_moves_as_in_drake(link):
+def test_a_head_on_a_link_below_moves_as_in_drake():
     def edit(root):
-        (head,) = (f for f in root.iter("frame") if f.get("name") == "head")
-        head.set("attached_to", link)
+        root.find(".//frame[@name='head']").set("attached_to", "arm")
 
     check_head(edited(load_robot(), edit), *np.random.default_rng(1).uniform(-3, 3, (3, 5, 4)))
 
@@ -237,9 +218,8 @@ def check_same_but_inertia(model, robot):
     for plant in (model.plant, robot.plant):
         found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
         assert tuple(a.joint().name() for a in found) == robot.joint_names
-        np.testing.assert_array_equal(
-            [a.default_rotor_inertia() for a in found], robot.rotor_inertia
-        )
+        rotors = [a.default_rotor_inertia() for a in found]
+        np.testing.assert_array_equal(rotors, robot.rotor_inertia)
 
 
 @FEW
