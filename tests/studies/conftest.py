@@ -15,7 +15,7 @@ from sdt_drake.studies.study import load_study
 
 @pytest.fixture(scope="session")
 def files(once) -> Path:
-    """Read only: motions short and fast, bases axis and coupled, studies of 6 and 30 runs."""
+    """Read only: motions short and fast, bases axis and coupled, studies of 6 and 16 runs."""
 
     def make(folder):
         write_files(folder)

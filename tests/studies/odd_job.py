@@ -20,8 +20,7 @@ from sdt_drake.studies.table import Row
 class OddJob:
     """Stands for a Job; `acts` tells what happens in a row instead of it being run.
 
-    "hang", "kill", "abort", "leave", "tidy slowly" from then on; "kill once", which leaves a file
-    in `folder`.
+    "hang", "abort", "tidy slowly" from then on; "kill once", which leaves a file in `folder`.
     """
 
     folder: str
@@ -50,14 +49,10 @@ def _act(what: str, folder: Path) -> None:
     if what == "hang":
         (folder / "hangs").open("w").close()  # where it is a pipe, its reader sees that
         threading.Event().wait()
-    elif what == "kill":
-        os.kill(os.getpid(), signal.SIGKILL)
     elif what == "abort":
         print("not an error")
         os.write(2, b"a first line\nabort: matrix is singular\n")
         os.abort()
-    elif what == "leave":
-        raise SystemExit("a controller of one's own may do that")
     elif what == "tidy slowly":
         remove = shutil.rmtree
         shutil.rmtree = lambda *args, **options: (time.sleep(0.5), remove(*args, **options))

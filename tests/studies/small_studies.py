@@ -31,7 +31,7 @@ variables:
 """
 
 
-RUNS = 30  # of many.yaml
+RUNS = 16  # of many.yaml
 
 
 def write_files(folder: Path) -> None:
@@ -40,7 +40,7 @@ def write_files(folder: Path) -> None:
     for kind in ("axis", "coupled"):
         (folder / f"{kind}.yaml").write_text(BASE.format(kind=kind))
     (folder / "few.yaml").write_text(STUDY.format(base="axis", draws=3))
-    (folder / "many.yaml").write_text(STUDY.format(base="coupled", draws=15))
+    (folder / "many.yaml").write_text(STUDY.format(base="coupled", draws=8))
 
 
 def rows(folder: Path) -> pyarrow.Table:

@@ -35,20 +35,6 @@ def test_ctrl_c_comes_after_the_messages_before_it_and_nowhere_else():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_the_first_signal_is_told_to_its_own_handler():
-    told = []
-    before = {
-        number: signal.signal(number, lambda number, frame: told.append(number))
-        for number in (signal.SIGTERM, signal.SIGHUP)
-    }
-    with _signals_into(lambda message: None):
-        for number in before:
-            signal.raise_signal(number)
-    for number, handler in before.items():
-        signal.signal(number, handler)
-    assert told == [signal.SIGTERM]
-
-
 class Rows:
     """Stands for processes: two rows, then a Ctrl-C; and a second one at the end."""
 

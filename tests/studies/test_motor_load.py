@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from small_studies import MOTION
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import DeviceChoice
@@ -72,12 +71,6 @@ def test_loads_of_a_run(run):
     assert loads["stretch"] == 0
 
 
-def test_a_weak_motor_stretches_the_motion(run):
-    own, _, loads, _ = run("[0.05, 1.5], [0.1, 0], [0.5, 0]", "", "TM-1430", "", "")
-    assert loads["stretch"] == pytest.approx(own.motion.duration / 0.5 - 1) and loads["stretch"] > 0
-    assert 0.9 < loads["used_torque_share_2"] <= 1
-
-
 SLOW = "{id: SLOW, kind: torque motor, peak_torque: 3950, rated_torque: 1780, rotor_inertia: 8.6"
 
 
@@ -111,27 +104,6 @@ def test_chosen_motors_limit_planner_and_loop_as_the_same_numbers_of_the_drive_d
     free = make_design(given)
     assert "without any: joint 2, no n1_rpm and n0_rpm" in free.envelope.source
     assert simulate(free).saturated[:, 1].max() == 0
-
-
-def test_a_motor_that_would_drive_beyond_its_speed_cannot_do_the_motion(run, desk):
-    own, recording, *_ = run("[0.25, 1], [0.5, 0]")
-    scenario = own.scenario
-    scenario.device = slow_motors(desk, n1_rpm=0.5 * 30 / np.pi, n0_rpm=0.8 * 30 / np.pi)
-    slower = make_design(scenario)  # by retiming
-    loads = dict(zip(motor_load_names(4), motor_loads(slower, recording, 0.5), strict=True))
-    assert 0.9 < loads["torque_at_speed_share_2"] <= 1 + 1e-6 and loads["stretch"] > 0.05
-    scenario.planner = "limiter"
-    said = r"joint 2 'roll' .* speed 0\.8\S* rad/s, available -0\.8 to 0\.8 .* \(AC-203, SLOW, "
-    with pytest.raises(InputError, match=said):
-        make_design(scenario)
-
-
-def test_motors_of_no_catalogue_are_refused(run):
-    own, recording, *_ = run("[0.25, 1], [0.5, 1]")
-    own.scenario.device.fitted[3] = ""
-    with pytest.raises(InputError, match=r"joint 4 has no motor of the catalogue"):
-        motor_loads(own, recording, 60.0)
-    assert not has_motor_loads(own.scenario)
 
 
 def test_what_has_motor_loads():

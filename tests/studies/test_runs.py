@@ -8,13 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.comparison import run_of
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
-from sdt_drake.machine.learn.flights import fly
 from sdt_drake.robot.device import Drive
-from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.simulate import simulate
@@ -71,17 +68,6 @@ def test_outcomes_are_those_of_a_run(base, robot):
         assert outcomes["peak_torque_share_2"] > outcomes["rms_torque_share_2"] > 0
 
 
-@pytest.mark.parametrize("plant", ["axis", "coupled"])
-def test_what_is_felt_is_told_alike_of_a_run_a_flight_and_a_row(files, plant):
-    base = load_scenario(files / f"{plant}.yaml", {"accuracy": 1e-3})  # that of studies
-    design = make_design(base)
-    felt = run_of("pi", design).head.felt.share
-    [row] = run(base, of("controller", Choice(["pi"])))
-    assert (
-        0 < felt == fly(design, 1).felt == row.outcomes[outcome_names(base, 4).index("felt_share")]
-    )
-
-
 def test_every_row_has_its_own_device_and_plan(files):
     base = load_scenario(files / "coupled.yaml")
     heavy, light = run(base, of("device.structure_scale", List([1.0, 0.5])))
@@ -95,73 +81,43 @@ def test_every_row_has_its_own_device_and_plan(files):
     assert "the no-load speed (n0) by drive.n1 and drive.n0" in rows[1].reason
 
 
-def test_infeasible_rows(base, files):
-    motions = Choice(["fast.yaml", "short.yaml"])
-    study = Study("s", variables=[of("motion", motions)])
-    study.folder = files
-    runner = Runner(study, base, {n: str(files / n) for n in motions.values})
-    bad, good = runner.run(0), runner.run(1)
-
-    assert (bad.status, good.status) == ("infeasible", "ok")
-    assert bad.outcomes == () and "\n" not in bad.reason
-    # Not where the file is, which another process has elsewhere.
-    assert bad.reason.startswith("fast.yaml: ") and str(files) not in bad.reason
-
-
 @pytest.mark.parametrize(
-    ("variable", "reason"),
+    ("variable", "status", "reason"),
     [
-        (of("disturbance.amplitude", List([-1.0, 0.1])), "disturbance.amplitude: -1.0, expected"),
-        (
-            of("torque_margin", List([1.5, 1.0])),
-            "torque_margin: 1.5, expected a number > 0",
-        ),
-        (of("controller.zeta[2]", List([-1.0, 1.0])), "zeta"),
-        (of("period", List([0.007, 0.005])), "0.5 s is not a whole multiple of the period 0.007 s"),
-        (of("plant.kind", Choice(["exis", "axis"])), "plant.kind: 'exis', expected one of"),
+        (of("disturbance.amplitude", List([-1.0, 0.1])), "failed", "amplitude: -1.0, expected"),
+        (of("controller.zeta[2]", List([-1.0, 1.0])), "failed", "zeta"),
+        (of("period", List([0.007, 0.005])), "failed", "0.5 s is not a whole multiple of the per"),
+        (of("motion", Choice(["fast.yaml", "short.yaml"])), "infeasible", "fast.yaml: motion ref"),
     ],
 )
-def test_bad_values_fail_alone(base, variable, reason):
-    bad, good = run(base, variable)
+def test_bad_values_fail_alone(base, files, variable, status, reason):
+    names = {name: str(files / name) for name in ("fast.yaml", "short.yaml")}
+    study = Study("s", variables=[variable])
+    study.folder = files
+    runner = Runner(study, base, names)
+    bad, good = runner.run(0), runner.run(1)
+    assert (bad.status, good.status, bad.outcomes) == (status, "ok", ())
+    # Not where the file is, which another process has elsewhere.
+    assert reason in bad.reason and str(files) not in bad.reason and "\n" not in bad.reason
 
-    assert (bad.status, good.status) == ("failed", "ok")
-    assert reason in bad.reason and bad.outcomes == ()
 
-
-def test_whatever_happens_in_a_row_becomes_a_row(base, monkeypatch):
-    def explode(design, **options):
-        if design.scenario.controller.kind == "pi":
-            return simulate(design, **options)
+def test_what_goes_wrong_in_a_row_becomes_its_reason(base, monkeypatch):
+    def explode(*_, **options):
         raise ZeroDivisionError(f"division\nby zero in {models_dir()}/sdt.sdf")
 
-    monkeypatch.setattr("sdt_drake.studies.runs.simulate", explode)
-    rows = run(base, of("controller", Choice(["p_pi", "pi"])))
-
-    assert [row.status for row in rows] == ["failed", "ok"]
-    assert rows[0].reason == "ZeroDivisionError: division by zero in package://sdt/sdt.sdf"
-
-
-def test_a_run_that_passes_a_stop_fails(base, monkeypatch):
-    monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])
-    [row] = run(base, of("controller", Choice(["p_pi"])))
-    assert (row.status, row.reason, row.outcomes) == ("failed", "roll, 2 deg; yaw", ())
+    for name, value, reason in (
+        ("stops_passed", lambda *_: ["roll, 2 deg", "yaw"], "roll, 2 deg; yaw"),
+        ("outcomes_of", lambda *_: (0.0, math.nan, *[0.0] * 27), "the speeds are not finite"),
+        ("simulate", explode, "ZeroDivisionError: division by zero in package://sdt/sdt.sdf"),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"sdt_drake.studies.runs.{name}", value)
+            [row] = run(base, of("controller", Choice(["p_pi"])))
+        assert (row.status, row.reason, row.outcomes) == ("failed", reason, ())
 
 
-@pytest.mark.parametrize(("joint", "worst"), [(0, math.inf), (3, math.nan)])
-def test_speeds_that_are_not_finite_fail(base, monkeypatch, joint, worst):
-    def outcomes_of(*_):
-        outcomes = np.zeros(29)
-        outcomes[joint] = worst
-        return tuple(outcomes.tolist())
-
-    monkeypatch.setattr("sdt_drake.studies.runs.outcomes_of", outcomes_of)
-    [row] = run(base, of("controller", Choice(["p_pi"])))
-    assert (row.status, row.reason, row.outcomes) == ("failed", "the speeds are not finite", ())
-
-
-@pytest.fixture(scope="module")
-def mixed(base) -> Study:
-    """Two devices, two controllers, three motions."""
+def test_rows_do_not_depend_on_their_order_and_company(base, monkeypatch):
+    """Two devices, two controllers, three motions; and a row alone leaves a recording."""
     study = Study(
         "mixed",
         draws=2,
@@ -171,58 +127,19 @@ def mixed(base) -> Study:
             of("torque_margin", Grid(0.8, 1.0, 3)),
         ],
     )
-    study.validate(base)
-    return study
+    runner = Runner(study, base)
+    rows = [runner.run(number) for number in range(12)]
+    assert [row.number for row in rows] == list(range(12))
+    assert {row.status for row in rows} == {"ok"} and len({row.outcomes[1] for row in rows}) > 2
+    monkeypatch.setattr("sdt_drake.studies.runs._MAX_PLANS", 1)  # motions are planned again
+    runner = Runner(study, base)
+    others = [runner.run(number) for number in np.random.default_rng(0).permutation(12).tolist()]
+    assert without_duration(sorted(others, key=lambda row: row.number)) == without_duration(rows)
 
-
-@pytest.fixture(scope="module")
-def mixed_rows(base, mixed) -> list[Row]:
-    runner = Runner(mixed, base)
-    return [runner.run(number) for number in range(len(mixed))]
-
-
-def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, monkeypatch):
-    assert [row.number for row in mixed_rows] == list(range(12))
-    assert {row.status for row in mixed_rows} == {"ok"}
-    assert len({row.outcomes[1] for row in mixed_rows}) > 2
-    expected = without_duration(mixed_rows)
-    monkeypatch.setattr(
-        "sdt_drake.studies.runs._MAX_PLANS", 1
-    )  # motions are planned again and again
-    order = np.random.default_rng(0).permutation(12).tolist()
-    runner = Runner(mixed, base)
-    rows = [runner.run(number) for number in order]
-
-    assert [row.number for row in rows] == order
-    assert len(runner._plans) == 1
-    assert without_duration(sorted(rows, key=lambda row: row.number)) == expected
-
-
-def test_repeat_has_the_same_numbers_and_a_recording(base, mixed, mixed_rows):
-    outcomes, recording, wrong = Runner(mixed, base).repeat(4)
-
-    assert wrong == ""
-    assert repr(outcomes) == repr(mixed_rows[4].outcomes)
+    outcomes, recording, wrong = runner.repeat(4)
+    assert wrong == "" and repr(outcomes) == repr(rows[4].outcomes)
     worst = np.abs(recording.speed_error).max(axis=0)
     np.testing.assert_allclose(worst, outcomes[:4], rtol=1e-12, atol=1e-15)
-
-
-def test_every_row_has_the_outcomes_of_the_study(files):
-    """The loads of the motors are those of rigid coupled plants; other rows have none of them."""
-    base = load_scenario(files / "coupled.yaml")
-    fitted = ["AC-203", "TM-3950", "TM-2150", "TM-2150"]
-    base.device = DeviceChoice(fitted=fitted)
-    rows = run(
-        base,
-        of("plant.kind", Choice(["coupled", "axis"])),
-        of("controller", Choice(["pi", "p_pi"])),
-    )
-    names = outcome_names(base, 4)
-    loads = slice(names.index("used_torque_share_1"), None)
-
-    assert [len(row.outcomes) for row in rows] == [len(names)] * 4
-    assert np.isfinite([row.outcomes[loads] for row in rows[:2]]).all()
-    assert np.isnan([row.outcomes[loads] for row in rows[2:]]).all()
 
 
 # --- jobs ------------------------------------------------------------------------------------
@@ -248,6 +165,8 @@ def own_files(desk):
 
 def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
     study, base = own_files
+    with pytest.raises(InputError, match="no such file"):
+        make_job(study, dataclasses.replace(base, motion="nowhere.yaml"))
     job = make_job(study, base)
     spread = base.plant.deviation.spread
     assert set(job.files) == {base.robot, base.motion, "own/short.yaml", spread}
@@ -260,7 +179,7 @@ def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
     assert (row.status, row.reason) == ("ok", "")
 
 
-def test_fingerprint(own_files, desk):
+def test_a_fingerprint_is_of_every_number_of_a_study(own_files, desk):
     study, base = own_files
     first = make_job(study, base).fingerprint
 
@@ -279,12 +198,3 @@ def test_fingerprint(own_files, desk):
     motion = desk.parent / "moved" / "own" / "short.yaml"
     motion.write_text(motion.read_text().replace("0.5]]", "0.4]]"))
     assert make_job(study, there).fingerprint != first
-
-
-def test_a_job_that_cannot_be_run(own_files):
-    study, base = own_files
-    study.variables[0].distribution = Choice(["own/nowhere.yaml"])
-    with pytest.raises(InputError, match=r"own/nowhere\.yaml: no such file"):
-        make_job(study, base)
-    with pytest.raises(InputError, match="no such file"):
-        make_job(study, dataclasses.replace(base, motion="nowhere.yaml"))

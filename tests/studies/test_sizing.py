@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from sdt_drake.studies.verdicts import (
     front_of,
     judge_candidates,
     lightest_motor,
-    nearest,
     recommend,
     sizing_lines,
 )
@@ -75,22 +73,9 @@ def test_a_base_without_known_motors_has_the_strongest(load):
     assert base.device.motors == ["AC-270", "TM-5270", "TM-716", "TM-1430"]
 
 
-def test_paths_start_from_the_folder_of_the_file(load, tmp_path):
-    for name in ("scenarios/coupled_pi.yaml", "motors.yaml"):
-        shutil.copy(find_file(f"package://sdt/{name}"), tmp_path)
-    own = TEXT.replace("package://sdt/scenarios/coupled_pi.yaml", "coupled_pi.yaml")
-    sizing, base = load(own.replace("  fitted:", "  catalogue: motors.yaml\n  fitted:"))
-    assert sizing.name == "sizing"
-    assert sizing.scenario == str(tmp_path / "coupled_pi.yaml")
-    assert base.device.catalogue == str(tmp_path / "motors.yaml")
-    assert sizing.motions[0] == "reference"
-
-
 def test_elastic_joints_are_refused(load, tmp_path):
     name = "package://sdt/scenarios/coupled_pi.yaml"
-    text = find_file(name).read_text(encoding="utf-8")
-    assert "plant:" in text
-    scenario = yaml.safe_load(text)
+    scenario = yaml.safe_load(find_file(name).read_text(encoding="utf-8"))
     scenario["plant"]["elasticity"] = {"natural_frequency": [60.0] * 4}
     (tmp_path / "elastic.yaml").write_text(yaml.safe_dump(scenario))
     with pytest.raises(InputError, match=r"plant\.elasticity: .* expected rigid"):
@@ -98,25 +83,17 @@ def test_elastic_joints_are_refused(load, tmp_path):
 
 
 BAD = [
-    ("scenario: package://sdt/scenarios/coupled_pi.yaml", "", "scenario: missing, expected a text"),
     ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled, as the mass"),
     ("TM-3950, TM-5270]", "TM-3950, TM-5720]", "motors[2]: no motor 'TM-5720' in the catalogue"),
     ("[TM-716, TM-1430]", "[TM-716, TM-716]", "motors[4]: ['TM-716', 'TM-716'] has a value twice"),
-    ("[TM-716, TM-1430]", "[]", "motors[4]: empty, expected a list of texts"),
-    ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 values"),
     ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale come"),
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
     ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
-    ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device.fitted: 3 value(s), expected 4"),
     ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
-    ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: '' names no motor, expected 'A"),
     ("inversion, post", "inversoin, post", "motions[3]: inversoin: no such motion, did you"),
-    ("[reference,", "[mine.yaml,", "{folder}/mine.yaml: no such file"),
     ("[reference,", "[mine/post_roll.csv,", "motions: ['post_roll', 'g_excess', 'inversion', "),
-    ("[pi, pi_id", "[pi, pi_ids", "controllers: 'pi_ids', expected one of"),
     ("[0.05, 0.25, 0.05, 0.1]", "[0.1, 0.1]", "requirements.max_abs_speed_error: 2 values, exp"),
     ("saturated_fraction: 0.01", "saturated_fraction: .nan", "requirements.saturated_fraction"),
-    ("saturated_fraction: 0.01", "saturation: 0", "requirements.saturation: no such field"),
 ]  # fmt: skip
 
 
@@ -151,14 +128,13 @@ SMALL = Sizing(
 )
 TORQUE = {"AC-150": 150.0, "AC-203": 203.2, "TM-2860": 2860.0, "TM-3950": 3950.0}
 GOOD = {
-    "torque_at_speed_share_1": 0.5, "torque_at_speed_share_2": 0.5,
-    "used_torque_share_1": 0.5, "used_torque_share_2": 0.5,
-    "winding_temperature_1": 0.4, "winding_temperature_2": 0.4,
-    "saturated_fraction_1": 0.0, "saturated_fraction_2": 0.0,
-    "max_abs_speed_error_1": 0.01, "max_abs_speed_error_2": 0.02,
-    "max_abs_position_error_1": 0.001, "max_abs_position_error_2": 0.002,
-    "stretch": 0.0,
-}  # fmt: skip
+    f"{name}_{k}": good
+    for name, good in {
+        "torque_at_speed_share": 0.5, "used_torque_share": 0.5, "winding_temperature": 0.4,
+        "saturated_fraction": 0.0, "max_abs_speed_error": 0.02, "max_abs_position_error": 0.002,
+    }.items()
+    for k in (1, 2)
+} | {"stretch": 0.0}  # fmt: skip
 
 
 def sized(sizing, outcome, keep=lambda inputs: True) -> StudyTable:
@@ -198,19 +174,13 @@ def verdicts():
 def test_the_worst_motion_counts(verdicts):
     first = verdicts[0]  # pi, AC-150, TM-2860, 0.8
     assert first.worst["max_abs_speed_error_2"] == (0.3, "reference")
-    assert first.used["max_abs_speed_error_2"] == pytest.approx(1.5)
     assert first.error == 0.3
     assert first.mass == 70 + 110  # kg, of the catalogue
     assert first.missed == (
         "largest speed error of joint 2 is 0.3 rad/s in reference, allowed is 0.2",
     )
     assert not first.feasible
-
-
-def test_a_motion_that_cannot_be_done_is_a_requirement_missed(verdicts):
-    second = verdicts[1]  # pi, AC-150, TM-2860, 1.0
-    assert second.missed == ("reference is infeasible: joint 1 has 150 N m",)
-    assert math.isnan(second.error)
+    assert verdicts[1].missed == ("reference is infeasible: joint 1 has 150 N m",)
 
 
 def test_the_lightest_that_keeps_all_is_recommended(verdicts):
@@ -261,17 +231,6 @@ def test_the_answer_comes_first_and_the_lines_agree_with_the_table(outcome, file
     file_regression.check("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def test_what_cannot_do_a_motion_is_not_the_nearest():
-    """Of its requirements but one was asked; what does all motions may miss two of them."""
-
-    def outcome(inputs):
-        weak = inputs["motor_1"] == "AC-150"
-        return "too weak" if weak else GOOD | {"winding_temperature_1": 1.1, "stretch": 0.1}
-
-    near = nearest(judge_candidates(SMALL, sized(SMALL, outcome)), "pi")
-    assert near.candidate == Candidate(("AC-203", "TM-2860"), 0.8) and len(near.missed) == 2
-
-
 def test_what_has_not_been_run_is_not_recommended():
     table = sized(SMALL, story, keep=lambda x: x["motion"] == "leans")
     verdicts = judge_candidates(SMALL, table)
@@ -302,12 +261,6 @@ def test_angles_and_shares_are_in_the_units_of_people():
         "largest position error of joint 2 is 5.73 deg in leans, allowed is 3",
     )
     assert verdict.used["saturated_fraction_1"] == math.inf
-
-
-def test_the_front_is_of_mass_against_error(verdicts):
-    own = [v for v in verdicts if v.controller == "pi"]
-    front = [v.candidate for v, on in zip(own, front_of(own), strict=True) if on]
-    assert front == [Candidate(("AC-150", "TM-3950"), 0.8)]  # TM-2860 is lighter and not enough
 
 
 def test_each_controller_has_a_front_of_its_own():

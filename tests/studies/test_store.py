@@ -6,12 +6,10 @@ import math
 import os
 import resource
 import signal
-import sqlite3
 import subprocess
 import sys
 from contextlib import contextmanager
 
-import pyarrow.parquet
 import pytest
 
 from sdt_drake.io.errors import InputError
@@ -20,7 +18,7 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.folder import holds_study, opened
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.results import write_results
-from sdt_drake.studies.store import DATABASE, RESULTS, Store, create
+from sdt_drake.studies.store import DATABASE, Store, create
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
@@ -50,18 +48,10 @@ def test_rows_come_back_exactly_and_in_order(written):
         found = dict(zip(store.kinds, columns, strict=True))
         assert store.done() == {0, 2, 3} and store.about == ABOUT
         assert store.inputs(2) == INPUTS and store.inputs(1) == {}
-    assert repr(found) == repr(
-        {
-            "row": (0, 2, 3),
-            "a": (0.1, 0.1, 0.1),
-            'b "c"': ("text", "text", "text"),
-            "status": ("failed", "ok", "ok"),
-            "reason": (ROWS[1].reason, "", ""),
-            "duration": (0.2, 0.1, 1e-7),
-            "x": (None, 1 / 3, 1e300),
-            "y": (None, None, 5e-324),  # what was not measured
-        }
-    )
+    assert [*found["row"]] == [0, 2, 3] and [*found["status"]] == ["failed", "ok", "ok"]
+    assert [*found["reason"]] == [ROWS[1].reason, "", ""]
+    assert [*found["duration"], *found["a"]] == [0.2, 0.1, 1e-7] + [0.1] * 3
+    assert [*found["x"], *found["y"]] == [None, 1 / 3, 1e300, None, None, 5e-324]
 
 
 def test_rows_are_read_from_their_export_where_the_database_is_not(written):
@@ -74,27 +64,6 @@ def test_rows_are_read_from_their_export_where_the_database_is_not(written):
         assert repr(([*store.groups()], store.about, store.kinds, store.inputs(2))) == repr(
             of_database
         )
-
-
-def test_an_export_of_another_program_is_refused(tmp_path):
-    pyarrow.parquet.write_table(pyarrow.table({"row": [1]}), tmp_path / RESULTS)
-    with pytest.raises(InputError, match="written by another program"):
-        Store(tmp_path)
-
-
-@pytest.mark.parametrize("content", [b"", b"nonsense" * 1000, b"SQLite format 3\0" + bytes(100)])
-def test_garbage_is_refused_and_kept(tmp_path, content):
-    (tmp_path / DATABASE).write_bytes(content)
-    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \(.*\), expected the fi"):
-        Store(tmp_path)
-    assert (tmp_path / DATABASE).read_bytes() == content
-
-
-def test_a_database_of_something_else_is_refused(tmp_path):
-    with sqlite3.connect(tmp_path / DATABASE) as database:
-        database.execute("CREATE TABLE other (x)")
-    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \(no such table: study"):
-        Store(tmp_path)
 
 
 def test_one_process_at_a_time(tmp_path):
@@ -159,15 +128,15 @@ def disk_of(size: int):
 
 
 def test_full_disk(written):
-    size = os.path.getsize(written / DATABASE)
     with Store(written) as store:
-        with disk_of(size), pytest.raises(InputError) as raised:
+        with (
+            disk_of(os.path.getsize(written / DATABASE)),
+            pytest.raises(InputError, match=r"written \(disk I/O error\); \d+ runs are kept"),
+        ):
             for number in range(4, 1000):
                 store.append(Row(number, "ok", "", 0.5, (1.0, 2.0)), INPUTS)
         kept = store.done()
     assert kept == {0, 2, *range(3, max(kept) + 1)} and 3 < max(kept) < 999
-    told = f"study.sqlite: cannot be written (disk I/O error); {len(kept)} runs are kept, "
-    assert told in str(raised.value)
 
 
 def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp_path):

@@ -10,10 +10,8 @@ import shutil
 import sqlite3
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import numpy as np
-import pyarrow.parquet
 import pytest
 from small_studies import RUNS, rows
 
@@ -47,10 +45,7 @@ MOTIONS = "[motion]\n  distribution: !Choice {{values: [short.yaml, {}]}}"
     [
         ("scenario: axis.yaml\n", "", "few.yaml: scenario: missing"),
         ("scenario: axis.yaml", "scenario: toofast.yaml", "fast.yaml: motion refused: joint 2"),
-        ("[controller]", "[motion]", "pi: no such motion"),
-        (LABELS, MOTIONS.format("two.yaml"), "two.yaml: joints: 2 value(s), expected 4"),
         (LABELS, MOTIONS.format("two.csv"), "two.csv: 2 joint(s), expected 4 as in the base"),
-        (LABELS, MOTIONS.format("axis.yaml"), "axis.yaml: "),
         (LABELS, MOTIONS.format("odd.yaml"), "0.501 s is not a whole multiple of the period"),
     ],
 )
@@ -58,8 +53,6 @@ def test_bad_study(refuse, desk, old, new, message):
     base = (desk / "axis.yaml").read_text()
     (desk / "toofast.yaml").write_text(base.replace("short.yaml", "fast.yaml"))
     (desk / "odd.yaml").write_text((desk / "short.yaml").read_text().replace("0.5", "0.501"))
-    rest = "- !Knots {knots: [[0, 0], [0.5, 0]]}"
-    (desk / "two.yaml").write_text(f"duration: 0.5\njoints: \n{rest}\n{rest}\n")
     (desk / "two.csv").write_text("time,v_ref_1,v_ref_2\n0,0,0\n0.5,0,0\n")
     text = (desk / "few.yaml").read_text()
     assert old in text
@@ -73,46 +66,19 @@ def test_bad_study(refuse, desk, old, new, message):
         ("nowhere.yaml", "nowhere.yaml: no such file"),
         ("axis.yaml", "axis.yaml: is a scenario, expected a study"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
-        ("few.yaml --workers 1000000000", "--workers: 1000000000, expected a whole"),
         ("few.yaml --workers 2 --cluster tcp://a:1", "--workers: has no effect with --cluster"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
-        ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
         ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
         ("few.yaml --out .", ".: contains other files, expected an empty folder"),
-        ("few.yaml --out=", "--out: empty, expected a path"),
         ("few.yaml --resume", "few: no study to resume"),
-        ("few.yaml --out . --resume", ".: no study to resume"),
         ("few.yaml --row 1", "--row: has no effect here"),
         ("show nowhere", "nowhere: contains no study"),
-        ("show nowhere --out few.yaml", "few.yaml: is a file, expected a folder"),
-        ("show nowhere --workers 2", "--workers: has no effect here"),
         ("repeat nowhere --row 1", "nowhere: contains no study"),
-        ("repeat . --row 1", ".: contains no study"),
-        ("show", "study: 'show', expected sdt-drake study STUDY [--out"),
         ("few.yaml more.yaml", "study: 'few.yaml more.yaml', expected"),
     ],
 )
 def test_bad_arguments(refuse, arguments, message):
     assert message in refuse(*arguments.split())
-
-
-def test_a_link_that_leads_nowhere(refuse, desk):
-    (desk / "gone").symlink_to("nowhere")
-    said = refuse("few.yaml", "--out", "gone/below")
-    assert "gone: is a link that leads nowhere, expected a folder" in said
-
-
-def test_a_package_that_cannot_be_loaded(refuse, monkeypatch):
-    def find_spec(name, *_):
-        if name.startswith("pebble"):
-            raise ImportError("libarrow.so: failed to map segment")
-
-    for name in [name for name in sys.modules if name.endswith("s.pool") or name[:6] == "pebble"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=find_spec), *sys.meta_path])
-    said = refuse("few.yaml")
-    assert "which cannot be loaded (libarrow.so: failed to map segment)" in said
-    assert "pip" not in said
 
 
 def test_folder_of_a_study(refuse, desk, undisturbed):
@@ -138,10 +104,8 @@ def test_folder_of_a_study(refuse, desk, undisturbed):
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("study.sqlite", "", "study.sqlite: cannot be used"),
         ("study.sqlite", "\0\xff", "study.sqlite: cannot be used"),
         ("study.yaml", "", "study.yaml: empty"),
-        ("study.yaml", "[", "study.yaml: not valid YAML"),
         ("scenario.yaml", "5", "scenario.yaml changed since the study was begun"),
     ],
 )
@@ -155,9 +119,7 @@ def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [
-        ("study.yaml", "high: 0.3", "high: 0.4", "study.yaml (variables[1].distribution.high)"),
         ("scenario.yaml", ", 0.98,", ", 0.97,", "scenario.yaml (controller.zeta[2])"),
-        ("files/1/short.yaml", "0.5]", "0.4]", "files/1/short.yaml"),
         ("study.yaml", "timeout: 300.0", "timeout: 30.0", ""),
     ],
 )
@@ -205,58 +167,32 @@ def test_a_finished_study_of_an_older_version_is_shown_and_repeated(copied, undi
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("", "--row None, expected 0 to 29"),
-        ("--row 30", "--row 30, expected 0 to 29"),
-        ("--row=-1", "--row -1, expected 0 to 29"),
+        ("--row 16", "--row 16, expected 0 to 15"),
         ("--row 1 --out x.png", "x.png: unknown kind of file, expected .csv"),
-        ("--row 1 --workers 2", "--workers: has no effect here"),
     ],
 )
 def test_bad_repeat(refuse, undisturbed, arguments, message):
     assert message in refuse("repeat", undisturbed, *arguments.split())
 
 
-def test_streams_that_the_caller_has_closed(desk):
-    """Their numbers must not go to pipes and files of the processes."""
-    command = [sys.executable, "-m", "sdt_drake", "study", "few.yaml"]
-    done = subprocess.run(["sh", "-c", '"$@" <&- >&- 2>&-', "sh", *command], capture_output=True)
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert len(rows(desk / "few")) == 6
-
-
 # --- the same, bit for bit -------------------------------------------------------------------
 
 
-def test_results(undisturbed):
-    file = pyarrow.parquet.read_table(undisturbed / "results.parquet")
-    table = read_study_table(undisturbed)
-
-    assert file["row"].to_pylist() == list(range(RUNS)) == table.row.tolist()
-    assert file["status"].to_pylist() == ["ok"] * RUNS
-    assert len(set(file["disturbance.amplitude"].to_pylist())) == RUNS / 2
-    assert file["controller"].to_pylist()[:3] == ["pi", "p_pi+id", "pi"]
-    assert file["constant_speed_error_1"].null_count == RUNS  # nothing is that long
-    about = json.loads(file.schema.metadata[b"sdt_drake"])
-    assert about["inputs"] == ["disturbance.amplitude", "controller"]
-    assert about["outcomes"] == list(table.outcomes)
-    for name, values in table.outcomes.items():
-        np.testing.assert_array_equal(values, file[name].to_numpy())
-
-
 def test_resumed_by_more_processes(desk, undisturbed, capfd):
-    """What is there may be any of the rows."""
-    shutil.copytree(undisturbed, desk / "some" / "where")
-    (desk / "some" / "where" / "results.parquet").unlink()
-    change(desk / "some" / "where", "DELETE FROM rows WHERE row < 6 OR row > 20")
-
+    """What is there may be any of the rows. The caller has closed all streams: their numbers must
+    not go to pipes and files of the processes."""
+    where = shutil.copytree(undisturbed, desk / "some" / "where")
+    (where / "results.parquet").unlink()
+    change(where, "DELETE FROM rows WHERE row < 2 OR row > 12")
     command = ["study", "many.yaml", "--resume", "--workers", "2", "--out", "some/where"]
-    assert main(command) == 0
-    out, err = capfd.readouterr()
-    assert err == "" and out.startswith(f"15 of {RUNS} runs\n")
-    assert f"{RUNS} of {RUNS} runs, " in out and "some/where/results.parquet written" in out
-    assert rows(desk / "some" / "where").equals(rows(undisturbed))
+    closed = ["sh", "-c", '"$@" <&- >&- 2>&-', "sh", sys.executable, "-m", "sdt_drake", *command]
+    done = subprocess.run(closed, capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert rows(where).equals(rows(undisturbed))
     assert main(command) == 0  # nothing is left to do
-    assert capfd.readouterr().out.startswith(f"{RUNS} of {RUNS} runs\n")
+    out, err = capfd.readouterr()
+    assert err == "" and out.startswith(f"{RUNS} of {RUNS} runs\n")
+    assert "some/where/results.parquet written" in out
 
 
 def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undisturbed, capfd):
@@ -312,8 +248,8 @@ def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):
 @pytest.mark.parametrize(
     ("kept", "code", "said"),
     [
-        (20, 0, "10 of 30 runs failed: no link 'payload' (row 20)"),
-        (0, 1, "30 of 30 runs failed: no link 'payload' (row 0)"),
+        (10, 0, "6 of 16 runs failed: no link 'payload' (row 10)"),
+        (0, 1, "16 of 16 runs failed: no link 'payload' (row 0)"),
     ],
 )
 def test_failed_runs_are_said_first(copied, files, capfd, monkeypatch, kept, code, said):

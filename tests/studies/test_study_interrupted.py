@@ -8,11 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pyarrow.parquet
 import pytest
 from odd_job import wait_for_end
 from small_studies import RUNS, rows
-from test_main import DRIVER
 
 from sdt_drake.cli.app import main
 from sdt_drake.studies.store import Store
@@ -93,24 +91,3 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     assert capfd.readouterr().out.startswith(f"{there} of {RUNS} runs\n")
     assert second.rows == RUNS  # none was done again
     assert rows(desk / "many").equals(rows(undisturbed))
-
-
-def test_interrupted_while_it_starts(desk):
-    event = ("import", "multiprocessing.popen_spawn_posix")
-    command = ("sdt-drake", "study", "many.yaml", "--workers", "2")
-    running = Running(desk, "-c", DRIVER, str(int(signal.SIGINT)), *event, *command)
-    assert running.ended() == (130, "") and (desk / "seen").exists()
-
-
-def test_full_disk_at_the_results(copied, files, monkeypatch, capfd):
-    """The old results stay until the new ones are whole."""
-    before = (copied / "results.parquet").read_bytes()
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(pyarrow.parquet.ParquetWriter, "write_table", full)
-    assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == 2
-    assert "results.parquet: cannot be written (No space left" in capfd.readouterr().err
-    assert (copied / "results.parquet").read_bytes() == before
-    assert not list(copied.glob(".*"))

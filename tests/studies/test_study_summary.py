@@ -15,7 +15,6 @@ from sdt_drake.studies.summary import (
     sensitivity,
     tornado,
     usable,
-    varied,
     worst_runs,
 )
 
@@ -41,16 +40,6 @@ def test_statuses_and_reasons(table):
     assert infeasible.reasons == [
         ("joint 2 needs … N m, expected at most 90 N m", 12, 7),
     ]
-
-
-def test_the_most_frequent_reasons_come_first():
-    reasons = ["b", "a", "joint 1 fell", "a", "joint 2 fell", "", "c 3", "c 4", "c 5"]
-    table = small_table(np.zeros(9), status=["failed"] * 9)
-    table = dataclasses.replace(table, reason=np.array(reasons, dtype=object))
-    (failed,) = count_statuses(table)
-    assert failed.runs == 9
-    assert failed.reasons == [("c …", 3, 6), ("a", 2, 1), ("b", 1, 0)]
-    assert len(count_statuses(table, most_reasons=9)[0].reasons) == 5
 
 
 # --- distributions ---------------------------------------------------------------------------
@@ -86,31 +75,17 @@ def test_the_ishigami_function(generator):
         assert explained_share(x[:, k], y).value == pytest.approx(exact[k], abs=0.015)
 
 
-@pytest.mark.parametrize("levels", [None, 2, 12], ids=["numbers", "two texts", "twelve texts"])
+@pytest.mark.parametrize("levels", [None, 12], ids=["numbers", "texts"])
 def test_noise_explains_nothing_on_average(generator, levels):
-    shares = []
-    for _ in range(300):
-        x = generator.normal(size=100)
-        if levels:
-            x = generator.integers(levels, size=100).astype(str)
-        shares.append(explained_share(x, generator.normal(size=100)))
+    def draw():
+        return generator.integers(levels, size=100).astype(str) if levels else generator.random(100)
+
+    shares = [explained_share(draw(), generator.normal(size=100)) for _ in range(200)]
     shares, errors = np.array(shares).T
     # They say how far chance takes the share, a little more where groups are small.
     assert 0.8 * np.std(shares) < np.sqrt(np.mean(errors**2)) < 1.8 * np.std(shares)
-    assert np.mean(shares) == pytest.approx(0, abs=4 * np.std(shares) / np.sqrt(300))
+    assert np.mean(shares) == pytest.approx(0, abs=4 * np.std(shares) / np.sqrt(200))
     assert np.min(shares) < 0
-
-
-def test_texts_explain_the_variance_between_their_levels(generator):
-    """Levels with means 0 and 1, half each: 1/4 of variance, and noise of variance 1/4."""
-    x = generator.choice(["low", "high"], 4000)
-    y = (x == "high") + 0.5 * generator.normal(size=4000)
-    share, error = explained_share(x.astype(object), y)
-    assert share == pytest.approx(0.5, abs=0.02)
-    # Of an eta² of 1/2, far from 0 and 1: by simulation, 4000 runs.
-    others = [explained_share(x[i], y[i]).value for i in generator.integers(4000, size=(200, 4000))]
-    assert error == pytest.approx(np.std(others), rel=0.4)
-    assert explained_share(x == "high", y) == explained_share(x, y)
 
 
 @pytest.mark.parametrize(("draws", "levels"), [(20, 20), (100, 4)])
@@ -131,7 +106,7 @@ def test_runs_of_one_draw_are_one_sample_of_what_is_drawn(generator, draws, leve
     assert np.all(0.7 * values.std(axis=0)[:2] < errors.mean(axis=0)[:2])
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (4, 3), (5, 5), (20, 3)])
+@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (20, 3)])
 def test_in_a_full_grid_nothing_is_chance(rows, columns):
     """Less than chance would have given, 5 by 5 equal inputs explained 40 ± 14 % each."""
     x, z = (grid.ravel() for grid in np.indices((rows, columns)))
@@ -144,24 +119,10 @@ def test_in_a_full_grid_nothing_is_chance(rows, columns):
     assert explained_share(x[rest], y[rest], np.zeros(rest.sum(), dtype=int)).error != 0
 
 
-def test_runs_without_the_input_are_left_out(generator):
-    x = generator.uniform(size=500)
-    with_holes = np.where(np.arange(500) % 2, x, np.nan)
-    y = np.where(np.arange(500) % 2, x, 100.0)
-    assert explained_share(with_holes, y) == explained_share(x[1::2], x[1::2])
-
-
-@pytest.mark.parametrize(
-    ("x", "y"),
-    [
-        (np.arange(9.0), np.arange(9.0)),
-        (np.arange(50.0), np.full(50, 0.1)),
-        (np.arange(50).astype(str), np.arange(50.0)),
-    ],
-    ids=["few runs", "equal outcomes", "a level for each run"],
-)
-def test_where_nothing_can_be_said(x, y):
-    assert np.isnan(explained_share(x, y)).all()
+def test_where_nothing_can_be_said():
+    x = np.arange(50.0)  # few runs, equal outcomes, a level for each run
+    for few in ((x[:9], x[:9]), (x, 0 * x + 0.1), (x.astype(str), x)):
+        assert np.isnan(explained_share(*few)).all()
 
 
 def test_the_only_input_explains_all(generator):
@@ -169,12 +130,6 @@ def test_the_only_input_explains_all(generator):
     x = generator.uniform(size=24)
     assert sensitivity(small_table(np.exp(3 * x), x=x, y0=np.ones(24)), "y") == {"x": (1, 0)}
     assert np.isnan(sensitivity(small_table(np.ones(24), x=x), "y")["x"]).all()
-
-
-def test_varied():
-    y = np.arange(4.0)
-    table = small_table(y, a=y, b=np.ones(4), c=["x"] * 4, d=["x", "y"] * 2, e=np.full(4, np.nan))
-    assert varied(table) == ["a", "d"]
 
 
 def test_tornado_of_numbers():
