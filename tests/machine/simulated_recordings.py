@@ -10,6 +10,7 @@ from tempfile import mkdtemp
 
 import numpy as np
 from dh import KUKA_KR300, UR10, DhTable
+from known_truth import changed
 from scipy.interpolate import make_interp_spline
 
 from sdt_drake.machine.recordings import Recorded
@@ -140,12 +141,7 @@ def truth(name: str, seed: int, mounting: str = "", together: bool = False) -> T
     return Truth(robot, recorded, v, friction)
 
 
-def changed(recorded: Recorded, **signals: np.ndarray) -> Recorded:
-    """A recording with other signals."""
-    return replace(recorded, signals={**recorded.signals, **signals})
-
-
-def late(values: np.ndarray, time: np.ndarray, delay: float) -> np.ndarray:
+def late(values: np.ndarray, time: np.ndarray, delay: float | np.ndarray) -> np.ndarray:
     """Signals that are recorded later than they were."""
     return np.stack([np.interp(time - delay, time, x) for x in values.T], axis=1)
 
@@ -163,10 +159,7 @@ def jitter(x: Truth, rng: np.random.Generator) -> Recorded:
     time, period = x.recorded.time, float(np.median(np.diff(x.recorded.time)))
     other = time + rng.uniform(-0.3, 0.3, len(time)) * period
     other[[0, -1]] = time[[0, -1]]
-    signals = {
-        name: np.stack([np.interp(other, time, y) for y in values.T], axis=1)
-        for name, values in x.recorded.signals.items()
-    }
+    signals = {name: late(y, time, time - other) for name, y in x.recorded.signals.items()}
     return replace(x.recorded, time=other, signals=signals)
 
 
@@ -187,10 +180,8 @@ def missing(x: Truth, rng: np.random.Generator) -> Recorded:
 def repeated(x: Truth, rng: np.random.Generator) -> Recorded:
     """One row in thirty is that before it."""
     count = len(x.recorded.time)
-    of = np.arange(count) - (rng.random(count) < 0.03)
-    of[0] = 0
-    signals = {name: values[of] for name, values in x.recorded.signals.items()}
-    return replace(x.recorded, signals=signals)
+    of = np.maximum(np.arange(count) - (rng.random(count) < 0.03), 0)
+    return replace(_rows(x.recorded, of), time=x.recorded.time)
 
 
 def held(x: Truth, rng: np.random.Generator) -> Recorded:
@@ -203,24 +194,21 @@ def _joint(x: Truth, rng: np.random.Generator) -> int:
     return int(rng.integers(x.robot.n))
 
 
-def frozen_q(x: Truth, rng: np.random.Generator) -> Recorded:
-    """A position stands for half a second while its joint moves."""
-    q, k = np.array(x.recorded.signals["q"]), _joint(x, rng)
-    count = round(0.5 / np.median(np.diff(x.recorded.time)))
-    fast = np.abs(x.v[:-count, k]) > 0.4 * np.abs(x.v[:, k]).max()
-    start = int(rng.choice(np.flatnonzero(fast)))
-    q[start : start + count, k] = q[start, k]
-    return changed(x.recorded, q=q)
+def _frozen(name: str) -> Fault:
+    """A signal of a joint stands for half a second while the joint moves."""
+
+    def fault(x: Truth, rng: np.random.Generator) -> Recorded:
+        values, k = np.array(x.recorded.signals[name]), _joint(x, rng)
+        count = round(0.5 / np.median(np.diff(x.recorded.time)))
+        fast = np.abs(x.v[:-count, k]) > 0.4 * np.abs(x.v[:, k]).max()
+        start = int(rng.choice(np.flatnonzero(fast)))
+        values[start : start + count, k] = values[start, k]
+        return changed(x.recorded, **{name: values})
+
+    return fault
 
 
-def frozen_tau(x: Truth, rng: np.random.Generator) -> Recorded:
-    """A torque stands for half a second while its joint moves."""
-    tau, k = np.array(x.recorded.signals["tau"]), _joint(x, rng)
-    count = round(0.5 / np.median(np.diff(x.recorded.time)))
-    fast = np.abs(x.v[:-count, k]) > 0.4 * np.abs(x.v[:, k]).max()
-    start = int(rng.choice(np.flatnonzero(fast)))
-    tau[start : start + count, k] = tau[start, k]
-    return changed(x.recorded, tau=tau)
+frozen_q, frozen_tau = _frozen("q"), _frozen("tau")
 
 
 def clipped(x: Truth, rng: np.random.Generator) -> Recorded:
@@ -269,8 +257,8 @@ def clock(x: Truth, rng: np.random.Generator) -> Recorded:
 
 def degrees(x: Truth, rng: np.random.Generator) -> Recorded:
     """Positions in degrees, no speeds."""
-    signals = {"q": np.degrees(x.recorded.signals["q"]), "tau": x.recorded.signals["tau"]}
-    return replace(x.recorded, signals=signals)
+    signals = x.recorded.signals
+    return replace(x.recorded, signals={"q": np.degrees(signals["q"]), "tau": signals["tau"]})
 
 
 def scaled(factor: float) -> Fault:
@@ -296,8 +284,7 @@ def per_mille(x: Truth, rng: np.random.Generator) -> Recorded:
 
 def swapped(x: Truth, rng: np.random.Generator) -> Recorded:
     """The torques of joints 2 and 3 are swapped."""
-    order = np.arange(x.robot.n)
-    order[[1, 2]] = 2, 1
+    order = [0, 2, 1, *range(3, x.robot.n)]
     return changed(x.recorded, tau=x.recorded.signals["tau"][:, order])
 
 

@@ -53,17 +53,6 @@ def test_joints_that_rest_in_fitted_or_held_out_data_are_named(found):
     assert list(standing_still(eq)) == []
 
 
-def test_a_joint_without_stops_may_turn_on_and_on(robot, true):
-    recorded = recorded_of(true, seconds=8.0)
-    q, time = recorded.signals["q"], recorded.time
-    spun = changed(recorded, q=q + np.outer(time, [1.0, 0, 0, 0]) * 7)
-    assert np.ptp(spun.signals["q"][:, 0]) > 50 and np.isinf(robot.position_upper[0])
-    fast = replace(robot, velocity_limit=np.full(4, 10.0))
-    assert "degrees" not in {found.kind for found in check_recording(fast, spun)}
-    short = replace(fast, position_lower=np.full(4, -1.0), position_upper=np.full(4, 1.0))
-    assert "degrees" in {found.kind for found in check_recording(short, spun)}
-
-
 def test_recordings_that_say_nothing_are_refused(robot, true):
     recorded = recorded_of(true, seconds=8.0)
     tau, q = recorded.signals["tau"], recorded.signals["q"]
@@ -78,8 +67,6 @@ def test_recordings_that_say_nothing_are_refused(robot, true):
     with pytest.raises(InputError, match=r"truth\.csv: no joint moves"):
         identify(robot, [changed(recorded, q=np.zeros_like(q))])
     noise = 1e-5 * np.random.default_rng(0).normal(size=q.shape)
-    with pytest.raises(InputError, match=r"truth\.csv: no joint moves more than the noise"):
-        identify(robot, [changed(recorded, q=noise)])
     still = changed(recorded, q=q * [1, 1, 0, 1] + noise)
     noisy = identify(robot, [still], cutoff=3.0)
     assert sum("joint 3 stands still" in line for line in noisy.warnings) == 1

@@ -12,7 +12,7 @@ from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.machine.identify.cutoff import Choice, chosen
 from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.filtering import Stretch, spread, stretches
-from sdt_drake.machine.identify.procedure import MAX_ROWS, belief, few_of, identify
+from sdt_drake.machine.identify.procedure import belief, identify
 
 RATE = 100.0  # Hz, of the recordings; the highest cut-off that is tried is a tenth
 
@@ -90,10 +90,3 @@ def test_windows_are_spread_over_all_of_a_recording():
         np.testing.assert_allclose(window.q[[0, -1], 0], [window.start, window.end])
     assert sum(window.start < 70 for window in windows) == 12
     assert len(spread(found, 1.0, 100.0)) == 2  # of enough periods, rather than short ones
-
-
-def test_equations_of_a_long_recording_have_no_more_rows():
-    stretch = Stretch(0.0, 0.01, *2 * [np.zeros((100_000, 1))])
-    for cutoff in (1.0, 8.0):
-        few = few_of([(0, np.inf, stretch)], cutoff)
-        assert sum(one.end - one.start for *_, one in few) <= 1.01 * MAX_ROWS / (4 * cutoff)

@@ -71,7 +71,6 @@ def test_shipped_mappings_are_those_of_their_programs():
         (lambda f: f - [0, 0, GRAVITY], lambda w: w, "was gravity subtracted"),
         (lambda f: f[:, [2, 0, 1]], lambda w: w, "another order"),
         (lambda f: f * [1, 1, -1], lambda w: w, "axes: frd"),
-        (lambda f: f / 0.3048, lambda w: w, "force_unit: ft/s2"),
         (lambda f: f, np.degrees, "omega_unit: deg/s"),
     ],
 )
@@ -97,11 +96,10 @@ def test_means_around_a_time_keep_the_integral():
     [
         ([0.0, 0.1, 0.1], "each later than the one before"),
         ([0.0, 0.1, 5.0], "4.9 s between samples at 0.1 s"),
-        ([0.0, 0.1], r"shape \(3, 3\), expected \(2, 3\)"),
         (np.linspace(0, 3700, 9000), "3700 s, expected at most 3600 s"),
     ],
 )
 def test_arrays_that_are_no_flight_are_refused(time, message):
-    values = np.ones((max(len(time), 3), 3))
+    values = np.ones((len(time), 3))
     with pytest.raises(InputError, match=message):
         make_flight(time, values, values)

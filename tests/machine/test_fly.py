@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from robots import chain_sdf, loaded
 from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 
@@ -22,20 +23,7 @@ from sdt_drake.robot.head import GRAVITY, head_motion
 from sdt_drake.robot.robot import load_robot
 
 QUICK = {"approach": 4.0, "departure": 4.0, "knot": 0.4}
-CENTRIFUGE = """<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="centrifuge">
-<link name="arm"><inertial><pose>0.5 0 0 0 0 0</pose><mass>3000</mass><inertia><ixx>800</ixx>
-<iyy>9000</iyy><izz>9000</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial></link>
-<link name="cabin"><pose relative_to="roll"/><inertial><mass>500</mass><inertia><ixx>300</ixx>
-<iyy>150</iyy><izz>300</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial></link>
-<frame name="head" attached_to="cabin"><pose>0 0 0.2 0 0 1.5707963267948966</pose></frame>
-<joint name="planet" type="revolute"><parent>world</parent><child>arm</child><axis><xyz>0 0 1</xyz>
-<limit><effort>40000</effort><velocity>3</velocity></limit></axis>
-<drake:rotor_inertia>1</drake:rotor_inertia><drake:gear_ratio>10</drake:gear_ratio></joint>
-<joint name="roll" type="revolute"><pose relative_to="arm">6 0 0 0 0 0</pose><parent>arm</parent>
-<child>cabin</child><axis><xyz>0 1 0</xyz><limit><lower>-1.6</lower><upper>1.6</upper>
-<effort>2000</effort><velocity>3</velocity></limit></axis>
-<drake:rotor_inertia>1</drake:rotor_inertia><drake:gear_ratio>1</drake:gear_ratio></joint>
-</model></sdf>"""
+FRAME = '<frame name="head" attached_to="link_3"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'
 
 
 def piece(first, last):
@@ -62,6 +50,8 @@ def onset():
 def one_start():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(procedure, "SEATS", (0.0,))
+        patch.setattr(procedure, "FRONT", (0.1, 10.0))
+        patch.setattr(procedure, "_WEIGHT", 0.05)  # with which more of G is lost than by alignment
         yield
 
 
@@ -80,9 +70,9 @@ def used(robot, motion, torque_of=inverse_dynamics):
 
 def test_a_motion_of_the_device_is_found_again(device):
     """What the device itself can do, from the head's motion alone."""
-    t = 0.005 * np.arange(2401)
+    t = 0.005 * np.arange(1601)
     v = np.zeros((len(t), 4))
-    ease = np.sin(np.pi * np.clip((t - 2) / 8, 0, 1)) ** 2
+    ease = np.sin(np.pi * np.clip((t - 2) / 4, 0, 1)) ** 2
     v[:, 1], v[:, 3] = 0.25 * ease * np.sin(0.8 * t), 0.2 * ease * np.cos(0.6 * t)
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
     head = head_motion(device, motion.q, motion.v, motion.vd)
@@ -96,28 +86,18 @@ def test_a_motion_of_the_device_is_found_again(device):
     assert np.all(rate < 0.1 * np.array([2.04, 2.07, 1.58]))
 
 
-def test_a_centrifuge_of_two_axes_with_all_of_its_torque(tmp_path, onset):
-    (tmp_path / "c.sdf").write_text(CENTRIFUGE)
-    robot = load_robot(tmp_path / "c.sdf")
-    found = fly(robot, onset, compare=False, torque_margin=1.0, **QUICK)
-    assert used(robot, found.motion).max() <= 1
-    assert np.all(np.abs(found.motion.q[:, 1]) <= 1.6)
-    (tmp_path / "c.sdf").write_text(CENTRIFUGE.replace('<frame name="head"', '<frame name="seat"'))
+def test_any_robot_with_a_head_flies_within_its_limits(onset):
+    robot = loaded(chain_sdf(3, motors={"effort": np.full(3, 20.0)}, extra=FRAME))
+    found = fly(robot, onset, compare=False, torque_margin=1.0, g_weight=1.5, **QUICK)
+    assert 0.9 < used(robot, found.motion).max() <= 1
     with pytest.raises(InputError, match="no pilot's head"):
-        fly(tmp_path / "c.sdf", onset)
-
-
-def test_no_more_is_lost_than_by_alignment(device, onset, monkeypatch):
-    monkeypatch.setattr(procedure, "_WEIGHT", 0.05)  # with which more of G is lost
-    own = fly(device, onset, compare=False, **QUICK).numbers
-    assert own["g_weight"] > 0.05
-    assert own["g_error_rms"] <= own["alignment"]["g_error_rms"]
+        fly(loaded(chain_sdf(3)), onset)
 
 
 def test_an_idle_g_is_waited_at(device):
-    ends = {"approach": 10.0, "departure": 4.0, "knot": 0.5, "compare": False}
-    found = fly(device, piece(0.0, 2.0), idle_g=1.4, **ends)
-    at = round((10 - 2) / 0.005)
+    ends = {"approach": 6.0, "departure": 2.0, "knot": 0.5, "compare": False}
+    found = fly(device, piece(0.0, 1.0), idle_g=1.4, g_weight=1.5, **ends)
+    at = round(0.8 * 6 / 0.005)
     assert found.chosen.head.resultant_g[at] == pytest.approx(1.4, abs=0.1)
 
 
@@ -142,10 +122,8 @@ def test_an_interrupt_keeps_the_best_so_far(device, onset):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"knot": 0.203}, "knot"),
         ({"knot": 3.0}, "knot: 3 s, expected at most 1 s"),
         ({"idle_g": 0.5}, "idle_g: 0.5 G, expected 1 to 10 G"),
-        ({"approach": -1.0}, "approach"),
         ({"torque_margin": 1.2}, "torque_margin"),
     ],
 )
@@ -222,31 +200,14 @@ def pinocchio_model(pin, robot):
     return model, model.createData()
 
 
-def test_the_motion_keeps_all_limits(device, flown, tmp_path):
-    motion = flown.motion
-    share = used(device, motion)
-    assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
-    assert 0.9 < share.max() < 0.95 * 1.01
-    assert np.all(np.abs(motion.v).max(axis=0) < device.velocity_limit)
-    for rest in (motion.v[0], motion.v[-1]):
-        np.testing.assert_array_equal(rest, 0)
-    motion.to_csv(tmp_path / "motion.csv")
-    plan = load_plan(tmp_path / "motion.csv", device)
-    assert not plan.limited.any()
-    np.testing.assert_array_equal(plan.motion.v, motion.v)
-
-
 def test_less_rotation_is_felt_than_by_alignment(flown):
     own, alignment = flown.numbers, flown.numbers["alignment"]
-    assert own["g_error_rms"] < 1.1 * alignment["g_error_rms"]
+    assert own["g_weight"] > 0.05 and own["g_error_rms"] <= alignment["g_error_rms"]
     assert own["felt_rotation_rms_deg_s"] < 0.9 * alignment["felt_rotation_rms_deg_s"]
     assert own["washout"]["felt_rotation_rms_deg_s"] > own["felt_rotation_rms_deg_s"]
     assert [(row["sense"], row["seat_deg"]) for row in own["starts"]] == [(1, 0.0), (-1, 0.0)]
-
-
-def test_a_pareto_front_and_a_motion_without_limits_of_torque(flown):
     assert flown.unlimited.torque.max() > flown.chosen.torque.max()
-    points = flown.numbers["front"]
+    points = own["front"]
     for name, sign in (("g_weight", 1), ("g_error_rms", -1), ("felt_rotation_rms_deg_s", 1)):
         assert sign * points[0][name] < sign * points[-1][name]
 
@@ -256,7 +217,17 @@ def high_passed(error, period):
     return lsim(([5.7, 0], [5.7, 1]), error, period * np.arange(len(error)))[1]
 
 
-def test_an_independent_inverse_dynamics_agrees(device, flown, tmp_path):
+def test_the_motion_keeps_all_limits(device, flown, tmp_path):
+    motion, share = flown.motion, used(device, flown.motion)
+    assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
+    assert 0.9 < share.max() < 0.95 * 1.01
+    assert np.all(np.abs(motion.v).max(axis=0) < device.velocity_limit)
+    assert not np.any(motion.v[[0, -1]])
+    motion.to_csv(tmp_path / "motion.csv")
+    assert not load_plan(tmp_path / "motion.csv", device).limited.any()
+
+
+def test_an_independent_inverse_dynamics_agrees(device, flown):
     """Pinocchio, from numbers of the SDF that it does not parse itself."""
     pin = pytest.importorskip("pinocchio")
     motion = flown.motion

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from known_truth import COULOMB_TRUE, PILOT, VISCOUS_TRUE, changed, motion, recorded_of
 from robots import chain_sdf
+from simulated_recordings import course
 
 from sdt_drake.machine.identify import model
 from sdt_drake.machine.identify.files import recorded_motion
@@ -25,34 +26,19 @@ from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.reports.identification import links_table
 
 
-def light_handed(folder, name, mass, com, radius):
-    """A UR10 whose last link is a body of its own, with rotors."""
-    table = replace(
-        dh.UR10,
-        name=name,
-        mass=[*dh.UR10.mass[:5], mass],
-        com=[*dh.UR10.com[:5], com],
-        rotor_inertia=[1.8, 1.8, 0.9, 0.2, 0.2, 0.2],
-    )
-    begin, last = table.sdf.split('<link name="link_6">')
-    own = re.sub("<(i..)>[^<]*<", rf"<\1>{mass * radius**2!r}<", last)
-    (folder / f"{name}.sdf").write_text(f'{begin}<link name="link_6">{own}')
-    return load_robot(folder / f"{name}.sdf")
-
-
 def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_path):
     """2.8 kg at a hand of 200 g: its links in the file would rather have it heavier and nearer."""
-    tool, own, at, own_at = 2.805, 0.2, np.array([0.03, 0.02, 0.1]), np.array([0.0, 0.0, -0.02])
-    whole = own + tool
-    centre = tuple(((tool * at + own * own_at) / whole).tolist())
-    nominal = light_handed(tmp_path, "light", own, (0.0, 0.0, -0.02), 0.02)
-    true = light_handed(tmp_path, "loaded", whole, centre, 0.05)
-    rng, time = np.random.default_rng(1), np.arange(0, 20, 0.005)
-    omega = 2 * np.pi * np.array([0.1, 0.2, 0.3, 0.4, 0.5])
-    angle = omega * time[:, None, None] + rng.uniform(0, 6, (6, 5))
-    size = rng.uniform(0.2, 0.5, (6, 5)) / omega
-    waves = (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
-    q, v, vd = (np.sum(size * wave, axis=2) for wave in waves)
+
+    def arm(name, mass, com):
+        last = {"mass": [*dh.UR10.mass[:5], mass], "com": [*dh.UR10.com[:5], com]}
+        rotors = [1.8, 1.8, 0.9, 0.2, 0.2, 0.2]
+        table = replace(dh.UR10, name=name, rotor_inertia=rotors, **last)
+        return load_robot(table.write(tmp_path))
+
+    whole, centre = 3.0, (0.028, 0.019, 0.092)
+    nominal, true = arm("light", 0.2, (0.0, 0.0, -0.02)), arm("loaded", whole, centre)
+    rng = np.random.default_rng(1)
+    time, q, v, vd = course(nominal, rng, 20.0, 100.0)
     tau = inverse_dynamics(true, q, v, vd) + 5 * np.tanh(v / 0.01) + 3 * v
     tau = tau + 0.1 * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=tau.shape)
     recorded = Recorded(Path("tool.csv"), time, {"q": q, "tau": tau})
@@ -80,9 +66,6 @@ def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
     assert re.match(
         r"joint 2: physically consistent links do not explain 5\.\d % .* \d\.\d %$", line
     )
-    worse[:, 1] += 0.2 * error
-    (line,) = inconsistent(eq, free, worse)
-    assert line.endswith("such as a counterbalance, a spring or a cable")
 
 
 def test_spread_between_recordings_is_of_all_joints_where_one_has_less():
@@ -104,9 +87,6 @@ def test_means_of_periods_replace_samples(robot):
     (found,), (note,) = stretches(Recorded(Path("held.csv"), time[::fine], signals))
     np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
     assert "(tau_mean)" in note
-    ends = Recorded(Path("held.csv"), time[::fine], {"q": signals["q"], "tau": signals["tau"]})
-    assert "(tau_mean)" in stretches(replace(ends, of_links=True))[1][0]
-    assert stretches(ends)[1] == []  # of a robot
 
 
 def test_friction_of_a_scenario_has_no_damping_and_no_stiff_bristles(tmp_path):
@@ -137,11 +117,6 @@ def test_payload_alone(robot):
     assert [row[3] for row in links_table(found).rows] == ["measured"]
 
 
-def test_masses_that_are_measured_in_sums_only(found):
-    of = {row[0]: row[3] for row in links_table(found).rows}
-    assert of["payload"] == of["gondola"] == "measured in sums only"
-
-
 def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
     """At speeds where a Stribeck peak is 0 to the last digit, or next to it."""
     time, q, v, vd = motion(robot)
@@ -152,11 +127,6 @@ def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
     friction = plant_friction(identify(robot, [recorded], only="friction", cutoff=5)).friction
     assert friction.breakaway is None
     np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
-    v = np.linspace(0.5, 3.0, 200)
-    rounded = 60 + 16 * v + 1e-9 * (v == v[0])  # the slowest speed alone sees anything of a peak
-    for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
-        (_, _, stribeck), _ = model._nearest(v, rounded, peak)
-        assert stribeck == 0
 
 
 def rubbed(recorded, share):
@@ -206,12 +176,6 @@ def test_the_recorded_motion_is_as_slow_as_the_limits_require(found, true):
     assert re.search(r"2\.\d* times slower", note)
     assert np.all(np.abs(slow.v).max(axis=0) < few.velocity_limit)
     np.testing.assert_allclose(slow.q[-1], motion.q[-1], atol=0.01)
-    tau, still = (inverse_dynamics(true, motion.q, k * motion.v, k * motion.vd) for k in (1, 0))
-    standing = np.abs(still).max(axis=0)
-    weak = replace(strong, effort_limit=standing + 0.4 * (np.abs(tau).max(axis=0) - standing))
-    slow, _ = recorded_motion(found, weak, 0.005)
-    tau = inverse_dynamics(true, slow.q, slow.v, slow.vd)
-    assert slow.duration > motion.duration
-    assert np.all(np.abs(tau).max(axis=0) < weak.effort_limit)
+    standing = np.abs(inverse_dynamics(true, motion.q, 0 * motion.v, 0 * motion.v)).max(axis=0)
     _, notes = recorded_motion(found, replace(strong, effort_limit=0.5 * standing), 0.005)
     assert "joint 2 'roll' needs" in " ".join(notes) and "raise <effort>" in notes[0]

@@ -13,10 +13,8 @@ from scipy.io import savemat
 from strategies import GENERATORS
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import check
-from sdt_drake.machine.identify.filtering import stretches
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Columns, Recorded, load_columns, read_recording
+from sdt_drake.machine.recordings import Columns, load_columns, read_recording
 from sdt_drake.robot.robot import load_robot
 
 N = 5
@@ -119,18 +117,14 @@ def mapped(**fields):
 
 BAD = [
     (renamed("tau_1", "i_1"), r"no column 'tau_1' \(tau\), there are time, q_1"),
-    (renamed("tau_4", "x"), r"3 column\(s\) tau_k \(tau\), but the robot has 4"),
     (renamed("tau_4", "q_5"), r"5 or more column\(s\) q_k \(q\), but the robot"),
     (renamed("tau_1", "v_2"), r"no column 'v_1' \(v\)"),
-    (renamed("time", "t"), r"no column 'time' \(time\)"),
     (renamed("tau_1", "q_1"), r"2 columns 'q_1', expected one; .* number"),
     ({"row": (2, 0, 0.01)}, r"line 4: time goes from 0.01 to 0.01, expected a growing time"),
-    ({"row": (3, 6, np.nan)}, r"line 5: tau_2 is nan"),
     ({"delimiter": ";"}, r"line 2: 1 value\(s\), expected 9"),
     (mapped(q=["2", "3", "2", "5"]), r"q: 2 and 2 are the same column"),
     (mapped(q_ref=["wish_{k}"]), r"no column 'wish_1' \(q_ref\)"),
     ({"scale": 1e3}, r"time: 5 samples in 40 s, 0.1 Hz, .*milliseconds .* time_factor: 0.001 in"),
-    ({"scale": 1 / 86400}, r"in days it would be 100 Hz, time_factor: 86400"),
     (mapped(time="", rate=0.005), r"rate: 5 samples in 800 s, .*; rate: 200 in"),
 ]
 
@@ -145,28 +139,6 @@ def test_bad_recordings_are_refused_in_one_line(tmp_path, table, robot, change, 
     with pytest.raises(InputError, match=rf"r\.csv.*{message}") as error:
         read_recording(write(tmp_path, table, **options), robot, change.get("columns"))
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "fields, places",
-    [
-        ({"time": ""}, ["rate"]),
-        ({"direction": [1.0, 0.5]}, ["direction"]),
-        ({"torque_factor": [0.0]}, ["torque_factor"]),
-        ({"decimal": "comma", "encoding": "utf-88"}, ["decimal", "encoding"]),
-    ],
-)
-def test_bad_mappings_are_refused(fields, places):
-    with pytest.raises(InputError) as error:
-        check(Columns(**fields))
-    assert [problem.place for problem in error.value.problems] == places
-
-
-def test_the_longest_gap_is_reported_with_its_place():
-    time = np.concatenate([np.arange(300), np.arange(310, 1000), np.arange(1200, 2000)]) / 100
-    still = np.zeros((len(time), 1))
-    parts, notes = stretches(Recorded(Path("r.csv"), time, {"q": still, "tau": still}))
-    assert len(parts) == 3 and "2 gap(s) in time, the longest 2.01 s at 9.99 s" in notes[0]
 
 
 @needs_data

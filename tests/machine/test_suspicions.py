@@ -40,7 +40,6 @@ READ_OTHERWISE = {
     "direction": "direction: [",
     "zero": "position_offset: [0, ",
     "wall": "gravity along [",
-    "tilt": "gravity along [",
     "torque_late": "torque_delay: 0.01",
     "torque_of_one_late": "a torque that is ",
     "hysteresis": "joint 2: ",
@@ -64,20 +63,12 @@ def test_swapped_torques_of_joints_that_move_alike_are_no_units():
 
 def test_nothing_is_said_of_clean_recordings():
     robot, recorded = recording("arm3", "", 30)
+    assert said(robot, recorded) == []
     found = identify(robot, [recorded], cutoff=CUTOFF)
-    assert [x for x in found.warnings if not any(words in x for words in NEUTRAL)] == []
     clean = delay_of(found.equations, CUTOFF)
     assert abs(clean.common) < 5e-4 and not clean.is_significant
     late = replace(found.equations, time=found.equations.time + 1)  # a constant is no delay
     assert delay_of(late, CUTOFF).common == pytest.approx(clean.common, abs=1e-6)
-
-
-def test_another_payload_where_it_is_judged_is_told():
-    robot = simulated.file_robot("arm3")
-    first, other = (simulated.truth("arm3", seed).recorded for seed in (1, 6))
-    lines = identify(robot, [first], validate=[other], cutoff=CUTOFF).warnings
-    (line,) = [line for line in lines if line.startswith("held-out data: ")]
-    assert "% in fitted data" in line
 
 
 @needs_data
