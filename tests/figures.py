@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from matplotlib.colors import to_hex
 from PIL import Image
 
 
@@ -31,20 +32,88 @@ def check_same_numbers(shown: list, expected: list, name: str) -> None:
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-3 * size, err_msg=name)
 
 
-def line(ax, label):
-    """The one line of that label."""
-    (found,) = [line for line in ax.get_lines() if line.get_label() == label]
-    return found
-
-
 def legend_texts(figure) -> list[str]:
     """Of all legends of a figure."""
     legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
     return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
 
 
-def shown_ticks(axis) -> set[str]:
-    """Texts of the ticks that are within the limits."""
-    low, high = axis.get_view_interval()
-    at = axis.axis_name == "y"
-    return {x.get_text() for x in axis.get_ticklabels() if low <= x.get_position()[at] <= high}
+# --- a figure as text ------------------------------------------------------------------------
+
+
+def described(figure) -> str:
+    """What a figure shows: texts, units, legends, and few points of all that is drawn.
+
+    Numbers have three digits; those below a millionth of the largest of their kind are 0.
+    """
+    title = figure.get_suptitle()
+    return (
+        "\n\n".join([title, "legend: " + "; ".join(_handles(figure)), *map(_panel, figure.axes)])
+        + "\n"
+    )
+
+
+def _handles(figure) -> list[str]:
+    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
+    return [
+        f"{text.get_text()} ({_look(handle)})"
+        for legend in filter(None, legends)
+        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    ]
+
+
+def _panel(ax) -> str:
+    titles = [ax.get_title(loc) for loc in ("left", "center", "right")]
+    rows = [" | ".join(filter(None, titles)) or "-"]
+    for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
+        ticks = (
+            [x.get_text() for x in axis.get_ticklabels()] if axis.get_scale() == "linear" else []
+        )
+        named = [x for x in ticks if re.search("[a-z]", x)]
+        rows.append(
+            f"{name}: {axis.get_label_text()!r} {axis.get_scale()} {' '.join(named)}".strip()
+        )
+    rows += [f"line {_called(x)}({_look(x)}) {_points(*x.get_data())}" for x in ax.lines]
+    boxes = [x for x in ax.patches if hasattr(x, "get_width")]
+    rows += [f"box {_called(x)}({_look(x)}) {_numbers(x.get_bbox().extents)}" for x in boxes[:12]]
+    for drawn in ax.collections:
+        if len(points := drawn.get_offsets()) and np.any(points):
+            told = _points(*np.ma.getdata(points).T)
+        else:
+            paths = drawn.get_paths()
+            told = " & ".join(_numbers(path.get_extents().extents) for path in paths[:6])
+        rows.append(f"area {_called(drawn)}({_look(drawn)}) {told}")
+    rows += [f"text {x.get_text()!r} at {_numbers(x.get_position())}" for x in ax.texts[:12]]
+    return "\n".join(rows)
+
+
+def _called(drawn) -> str:
+    return "" if drawn.get_label().startswith("_child") else f"{drawn.get_label()!r} "
+
+
+def _look(drawn) -> str:
+    if hasattr(drawn, "get_linestyle") and hasattr(drawn, "get_color"):
+        colour = drawn.get_color()
+        parts = [to_hex(colour if isinstance(colour, str | tuple) else colour[0])]
+        if hasattr(drawn, "get_marker"):
+            parts += [drawn.get_linestyle(), drawn.get_marker()]
+        return " ".join(x for x in parts if x not in ("None", ""))
+    faces = np.reshape(drawn.get_facecolor(), (-1, 4))
+    return " ".join(dict.fromkeys(to_hex(face) for face in faces)) or "empty"
+
+
+def _points(x, y) -> str:
+    """Seven points, and the least and the largest."""
+    x, y = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (x, y))
+    some = np.unique(np.linspace(0, len(x) - 1, 7).astype(int)) if len(x) else []
+    told = f"x {_numbers(x[some])}; y {_numbers(y[some])}"
+    if len(x) > 7 and np.isfinite(y).any():
+        told += f"; {_numbers([np.nanmin(y), np.nanmax(y)])}"
+    return told
+
+
+def _numbers(values) -> str:
+    values = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+    size = np.max(np.abs(values), where=np.isfinite(values), initial=1e-9)
+    values = np.where(np.abs(values) < 1e-6 * size, 0.0, values)
+    return " ".join(f"{x:.3g}" for x in values)

@@ -9,99 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import RUN, SHORT
-from variants import kind
 
-from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.frequency_response import frequency_response
-from sdt_drake.analysis.illusions import feel, illusions
-from sdt_drake.analysis.metrics import plain_number
-from sdt_drake.analysis.orientation import CAUTION
-from sdt_drake.analysis.tracking import track_head
-from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.simulate import Recording, simulate
-from sdt_drake.show.figures.scope import torque_over_speed
+from sdt_drake.run.simulate import Recording
 from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel
-from sdt_drake.show.reports.run import run_report
 from sdt_drake.show.style import Look
 
 WAIT = 60_000  # ms at most, on a busy machine
-
-
-@pytest.fixture(scope="module")
-def run(designed):
-    """Of joints that are asked to move at once, and saturate: design and recording."""
-    drive = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}
-    design = designed("axis_pi", drive, start=8.9, end=9.5, rest=20)
-    return design, simulate(design)
-
-
-def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
-    design, recording = run
-    text = run_report(design, recording, Path("x.html"), range(4)).markdown
-    answer = text[text.index("## In short") : text.index("## What was run")]
-    speed = np.abs(recording.v - recording.v_ref)
-    lost = np.degrees(np.abs(recording.q - recording.q_ref))
-    i, k = np.unravel_index(speed.argmax(), speed.shape)
-    assert f"{speed.max():.4g} rad/s" in answer and f"at {recording.time[i]:.3f} s" in answer
-    assert f"joint {k + 1}" in answer.splitlines()[2] and f"{lost.max():.4g} deg" in answer
-    shares = recording.tau_peak.max(axis=0) / (design.robot.effort_limit / design.robot.gear_ratio)
-    assert f"{100 * shares.max():.1f} %" in answer
-    for k in range(4):
-        share = 100 * recording.saturated[1:, k].mean()
-        told = f"joint {k + 1} {plain_number(share)} % of the time"
-        assert (told in answer) == (share > 0)
-    assert f"with the inertia {design.scenario.plant.i_eff} kg m² on the motors" in text
-    assert "can be felt" in answer and "Loops:** all are stable" in answer
-    head = track_head(recording, design.robot).achieved
-    for illusion in illusions(feel(head, design.motion.period, "clark2019"), head):
-        assert f"\n- {illusion}.\n" in text
-    assert "`clark2019` predicts" in text and CAUTION in text
-    (tmp_path / "again.yaml").write_text(re.search(r"```\n(.*?)```", text, re.DOTALL)[1])
-    assert load_scenario(tmp_path / "again.yaml") == design.scenario
-
-
-def test_what_is_always_saturated_and_the_nearest_border_are_told(designed):
-    design = designed("coupled_pi", kind("p_pi"), end=0.2)
-    recording = simulate(design)
-    recording.saturated[:, 1], recording.saturated[:, 2] = 1, 2e-5
-    text = run_report(design, recording, Path("x.html"), range(4)).markdown
-    assert "joint 2 100.00 % of the time, joint 3 0.002 % of the time." in text
-    rise, fall = frequency_response(design).gain_margins_db  # less gain does no harm
-    assert f"gain of joint {rise.argmin() + 1} may rise by {rise.min():.1f} dB" in text
-    assert "smallest phase margin of a position loop" in text
-    assert rise.min() > 0 and np.isnan(fall).all() and "cut at the position, all others" in text
-
-
-@pytest.mark.parametrize(
-    ("fields", "told"),
-    [
-        (kind("p_pi+id", feedforward_gain=[0.5, 1.0, 1.0, 1.0]), "id times [0.5, 1.0, 1.0, 1.0]; "),
-        (kind("pi"), ""),
-    ],
-)
-def test_all_that_is_fed_forward_and_elastic_joints_are_told(designed, fields, told):
-    fields |= {"controller.friction_compensation": True, "plant.friction.coulomb": [9.0] * 4}
-    fields |= {"plant.elasticity.natural_frequency": [300.0, 0.0, 0.0, 0.0]}
-    design = designed("coupled_pi", fields, end=0.1)
-    recording = simulate(design)
-    text = run_report(design, recording, Path("x.html"), range(4)).markdown
-    assert "The speed of elastic joints is link speed" in text
-    assert f"| torque feedforward | {told}friction at the speed of the reference |" in text
-    assert Compared("", design, recording).needs[-1] == "joints' friction"
-
-
-def test_torque_over_speed_lies_in_the_envelope_of_the_drive(run):
-    design, recording = run
-    panel = torque_over_speed(recording, design, 2)
-    upper, lower, torque = (line.values for line in panel.lines)
-    there = np.isfinite(torque)
-    assert there.sum() == len(recording.time) and np.all(np.diff(panel.x) >= 0)
-    order = np.argsort(recording.v[:, 2], kind="stable")
-    np.testing.assert_allclose(torque[there], recording.tau[order, 2])
-    left = np.clip((0.5 - panel.x) / (0.5 - 0.05), 0, 1)  # driving forwards
-    np.testing.assert_allclose(upper, 2150 * left, atol=1e-6)
-    np.testing.assert_allclose(lower, -2150 * np.clip((0.5 + panel.x) / 0.45, 0, 1), atol=1e-6)
-    assert {-0.5, -0.05, 0.05, 0.5} <= set(panel.x)
 
 
 def test_a_page_gets_every_sample_or_every_peak():
