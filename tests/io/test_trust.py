@@ -10,7 +10,6 @@ import shutil
 import sys
 from pathlib import Path
 
-import command_line
 import pytest
 
 from sdt_drake.io import trust
@@ -21,9 +20,6 @@ from sdt_drake.studies.folder import load_runner
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.study import load_study
 
-call, desk, given, good, refuse = (
-    getattr(command_line, x) for x in ("call", "desk", "given", "good", "refuse")
-)
 OWN = (Path(__file__).parents[1] / "own_controllers.py").read_text(encoding="utf-8")
 TRACE = "with open({trace!r}, 'a') as file:\n    file.write('x')\n"
 SCENARIO = """

@@ -6,8 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from pydrake.multibody.tree import JacobianWrtVariable
-from robots import chain_sdf, loaded
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
@@ -36,20 +34,6 @@ def links(robot, q):
 
 def total_mass(robot) -> float:
     return robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext())
-
-
-def points(robot, masses, q):
-    """Mass matrix of points where the joints' axes have their origins: sum of m J^T J."""
-    plant, context = robot.plant, robot.plant.CreateDefaultContext()
-    plant.SetPositions(context, q)
-    world, M = plant.world_frame(), np.zeros((robot.n, robot.n))
-    for name, mass in zip(robot.joint_names, masses, strict=True):
-        frame = plant.GetJointByName(name).frame_on_parent()
-        J = plant.CalcJacobianTranslationalVelocity(
-            context, JacobianWrtVariable.kV, frame, np.zeros(3), world, world
-        )
-        M += mass * J.T @ J
-    return M
 
 
 ROTORS = [0.0953, 0.706, 0.353, 0.177]  # of the lighter motors [kg m²]
@@ -93,17 +77,6 @@ def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
     np.testing.assert_allclose(effective_inertia(other, d_kk), i_eff, rtol=1e-12)
     gravity, held = (torque_groups(r, *motion).gravity for r in (other, robot))
     np.testing.assert_allclose(gravity, held, atol=1e-9)  # the axes meet where the masses are
-
-
-def test_masses_of_the_motors_stand_on_the_axes_of_any_chain():
-    motors = ["AC-270", "TM-2860", "TM-3950", "TM-2860"]
-    chain = loaded(chain_sdf(4, seed=7, base=True))  # skew axes, products of inertia
-    chain = deviated(chain, Deviation(inertia_scale=1e5))  # heavy: all stay bodies
-    added = [MASS[new] - MASS[old] for new, old in zip(motors, FITTED, strict=True)]
-    other = chosen_robot(chain, DeviceChoice(motors=motors, fitted=FITTED))
-    for q in Q:
-        by_hand = links(chain, q) + points(chain, added, q)
-        np.testing.assert_allclose(links(other, q), by_hand, rtol=1e-10, atol=1e-9)
 
 
 def test_structure_scales_and_the_payload_does_not(robot):

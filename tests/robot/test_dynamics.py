@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from robots import ARM, loaded
 
-from sdt_drake.robot.dynamics import InertiaRange, decouple, torque_groups, where_largest
+from sdt_drake.robot.dynamics import InertiaRange, torque_groups, where_largest
 
 # --- torque groups (Eq. 2) ------------------------------------------------------------------
 
@@ -50,11 +50,6 @@ def test_third_branch_covers_most_of_the_reference_motion(design):
     )
     share = 100 * np.mean(third, axis=0)
     assert (round(min(share)), round(max(share))) == (43, 90)
-    # There the printed load is the consistent one with the other sign.
-    r = design.robot.gear_ratio
-    consistent = decouple(torques.inertial, torques.coupled, r, "consistent").load_torque
-    printed = decouple(torques.inertial, torques.coupled, r, "printed").load_torque
-    np.testing.assert_array_equal(printed, np.where(third, -consistent, consistent))
 
 
 # --- effective inertia (Eq. 3) --------------------------------------------------------------
