@@ -134,13 +134,8 @@ def in_python(model: type, node: Node, value: Any) -> list[Problem]:
 
 def blank(model: Any) -> Any:
     """An object with nothing but defaults; None where a field has to be given."""
-    missing = dataclasses.MISSING
-    needed = [
-        field.name
-        for field in dataclasses.fields(model)
-        if field.default is missing and field.default_factory is missing
-    ]
-    return model(**dict.fromkeys(needed))
+    needed = (x for x in dataclasses.fields(model) if x.default is x.default_factory)
+    return model(**dict.fromkeys(field.name for field in needed))  # both are MISSING
 
 
 def is_told(problems: list[Problem], place: str) -> bool:
@@ -149,25 +144,19 @@ def is_told(problems: list[Problem], place: str) -> bool:
     return len(told) == 1 and f"{told[0]}".count("\n") == 0 and len(f"{told[0]}") < 500
 
 
-WAYS = [
-    *(pytest.param(in_a_file, model, fields_of(model), id=model.__name__) for model in FROM_FILES),
-    *(
-        pytest.param(
-            in_python,
-            model,
-            [node for node in fields_of(model) if "." not in node.place],
-            id=f"{model.__name__} of Python",
-        )
-        for model in MODELS
-    ),
-]
+def ways() -> Iterator[Any]:
+    for model in FROM_FILES:
+        yield pytest.param(in_a_file, model, fields_of(model), id=model.__name__)
+    for model in MODELS:
+        own = [node for node in fields_of(model) if "." not in node.place]
+        yield pytest.param(in_python, model, own, id=f"{model.__name__} of Python")
 
 
 def test_every_model_is_that_of_a_file_or_of_a_part_of_one():
     assert set(COMMITTED) == {model.__name__ for model in MODELS}
 
 
-@pytest.mark.parametrize(("way", "model", "fields"), WAYS)
+@pytest.mark.parametrize(("way", "model", "fields"), [*ways()])
 def test_every_field_takes_its_limits_and_refuses_wrong_values_in_a_line(way, model, fields):
     for node in fields:
         wrong = wrong_values(node.schema)
@@ -193,9 +182,8 @@ def test_names_that_are_a_letter_off_are_refused_with_the_right_one(model):
 def test_attributes_that_no_model_has_are_refused_at_once(model):
     thing = blank(model)
     for field in dataclasses.fields(model):
-        with pytest.raises(
-            AttributeError, match=f"no field '{field.name}_', did you mean .*'{field.name}'"
-        ):
+        told = f"no field '{field.name}_', did you mean .*'{field.name}'"
+        with pytest.raises(AttributeError, match=told):
             setattr(thing, f"{field.name}_", 1)
 
 

@@ -20,6 +20,7 @@ from command_line import ARM, SCENARIO
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
+from robots import URDF
 from scipy.io import savemat
 
 from sdt_drake.io.errors import InputError
@@ -41,15 +42,8 @@ from sdt_drake.studies.study import read_study
 
 TIME = np.arange(5) * 0.005
 COLUMNS = {name: np.zeros((5, 4)) for name in ("q_ref", "v_ref", "vd_ref", "q", "v", "tau")}
-URDF = (
-    "<robot name='r'><link name='a'/><link name='b'><inertial><origin xyz='0 0 1' rpy='0 0 0'/>"
-    "<mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
-    "<joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='0 1 0'/>"
-    "<limit effort='9' velocity='2'/></joint></robot>"
-)
-FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n" + "".join(
-    f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9)
-)
+FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n"
+FLIGHT += "".join(f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9))
 
 
 def yaml(name: str) -> bytes:
@@ -253,13 +247,9 @@ def test_small_files_need_no_more_memory_and_time_than_others(tmp_path):
     paths = [_written(tmp_path / name, make()) for name, (make, _) in BOMBS.items()]
     assert max(path.stat().st_size for path in paths) < 10_000_000
     limit = functools.partial(resource.setrlimit, resource.RLIMIT_AS, (_MEMORY, _MEMORY))
-    done = subprocess.run(
-        [sys.executable, "-c", _READ, *map(str, paths)],
-        capture_output=True,
-        text=True,
-        timeout=_PATIENCE,
-        preexec_fn=limit,
-    )
+    command = [sys.executable, "-c", _READ, *map(str, paths)]
+    options = {"capture_output": True, "text": True, "timeout": _PATIENCE, "preexec_fn": limit}
+    done = subprocess.run(command, **options)
     assert (done.returncode, done.stderr) == (0, "")
     for line, (_, told) in zip(done.stdout.splitlines(), BOMBS.values(), strict=True):
         assert told in line
@@ -291,31 +281,24 @@ def test_a_robot_includes_no_other_file(place, text, tmp_path):
         load_robot(path)
 
 
-WRONG = [{"contents": {"../secret": ""}}, {"contents": {"/etc/passwd": ""}}, {"files": []}]
-WRONG += [{"files": {"own.py": "files/../../own.py"}}, {"outcomes": None}]
+ABOUTS = [{"contents": {"../secret": ""}}, {"contents": {"/etc/passwd": ""}}, {"files": []}]
+ABOUTS += [{"files": {"own.py": "files/../../own.py"}}, {"outcomes": None}]
+STATEMENTS = [
+    "DROP TABLE rows; CREATE VIEW rows AS WITH RECURSIVE x(row) AS "
+    "(SELECT 0 UNION ALL SELECT row + 1 FROM x) SELECT * FROM x",
+    "DROP TABLE study; CREATE TABLE study (x, about TEXT AS (hex(zeroblob(1e9))))",
+    "CREATE TRIGGER t AFTER INSERT ON rows BEGIN DELETE FROM rows; END",
+]
 
 
-@pytest.mark.parametrize("about", WRONG)
-def test_a_study_has_its_files_in_its_folder(about, tmp_path):
-    create(tmp_path, ABOUT, {})
-    with sqlite3.connect(tmp_path / DATABASE) as base:
-        base.execute("UPDATE study SET about = ?", (json.dumps(ABOUT | about),))
-    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \("):
-        Store(tmp_path)
-
-
-@pytest.mark.parametrize(
-    "statements",
-    [
-        "DROP TABLE rows; CREATE VIEW rows AS WITH RECURSIVE x(row) AS "
-        "(SELECT 0 UNION ALL SELECT row + 1 FROM x) SELECT * FROM x",
-        "DROP TABLE study; CREATE TABLE study (x, about TEXT AS (hex(zeroblob(1e9))))",
-        "CREATE TRIGGER t AFTER INSERT ON rows BEGIN DELETE FROM rows; END",
-    ],
-)
-def test_a_study_computes_nothing(statements, tmp_path):
+@pytest.mark.parametrize("statements", [*ABOUTS, *STATEMENTS])
+def test_a_study_has_its_files_in_its_folder_and_computes_nothing(statements, tmp_path):
+    message = "more than two tables of values"
+    if isinstance(statements, dict):
+        statements = f"UPDATE study SET about = '{json.dumps(ABOUT | statements)}'"
+        message = r"study\.sqlite: cannot be used \("
     create(tmp_path, ABOUT, {})
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.executescript(statements)
-    with pytest.raises(InputError, match="more than two tables of values"):
+    with pytest.raises(InputError, match=message):
         Store(tmp_path)
