@@ -1,9 +1,7 @@
 """Loops as FMUs, which FMPy runs, beside the same loops run here."""
 
-import shutil
-import zipfile
+import tempfile
 from contextlib import contextmanager
-from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -14,13 +12,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 from variants import kind
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.io.schema import inner, schema_of
-from sdt_drake.machine.fmu import ABOUT, file_fields, write_fmu
+from sdt_drake.machine.fmu import write_fmu
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.head import head_motion
 from sdt_drake.run.loop import make_loop
-from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.simulate import simulate
 
 ONLINE = kind("p_pi+id") | {"inverse_dynamics": "online"}
@@ -30,13 +25,12 @@ PERIOD = 0.005
 class Fmu:
     """An FMU that another simulator runs, with its variables by their names."""
 
-    def __init__(self, path):
+    def __init__(self, path, folder):
         description = read_model_description(path)
-        self.folder = extract(path)
         self._numbers = {v.name: v.valueReference for v in description.modelVariables}
         self.slave = FMU2Slave(
             guid=description.guid,
-            unzipDirectory=self.folder,
+            unzipDirectory=folder,
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName="loop",
         )
@@ -50,15 +44,14 @@ class Fmu:
             self.put(name, values)
         self.slave.exitInitializationMode()
 
-    def names(self, name):
-        return [x for x in self._numbers if x.partition("[")[0] == name]
+    def numbers(self, name):
+        return [n for x, n in self._numbers.items() if x.partition("[")[0] == name]
 
     def put(self, name, values):
-        numbers = [self._numbers[x] for x in self.names(name)]
-        self.slave.setReal(numbers, [float(x) for x in values])
+        self.slave.setReal(self.numbers(name), [float(x) for x in values])
 
     def get(self, name):
-        return np.array(self.slave.getReal([self._numbers[x] for x in self.names(name)]))
+        return np.array(self.slave.getReal(self.numbers(name)))
 
     def step(self, period=PERIOD):
         self.slave.doStep(self._steps * PERIOD, period)
@@ -67,12 +60,12 @@ class Fmu:
 
 @contextmanager
 def running(path):
-    fmu = Fmu(path)
-    try:
-        yield fmu
-    finally:
-        fmu.slave.freeInstance()
-        shutil.rmtree(fmu.folder)
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, extract(path, folder))
+        try:
+            yield fmu
+        finally:
+            fmu.slave.freeInstance()
 
 
 @pytest.fixture(scope="module")
@@ -84,33 +77,31 @@ def by_reference(designed, tmp_path_factory):
     return design, path
 
 
-def test_ten_seconds_are_those_of_the_direct_run(by_reference):
+def test_two_seconds_are_those_of_the_direct_run(by_reference):
     design, path = by_reference
     motion, direct = design.reference, simulate(design)
     with running(path) as fmu:
         fmu.begin()
-        for i in range(2001):
+        for i in range(401):
             np.testing.assert_allclose(fmu.get("v"), direct.v[i], atol=1e-9)
-            if i in (0, 500, 1500):
-                q, v = direct.q[i : i + 1], direct.v[i : i + 1]
-                head = head_motion(design.robot, q, v, 0 * v)
-                np.testing.assert_allclose(
-                    fmu.get("angular_rate"), head.angular_velocity[0], atol=1e-9
-                )
             for name, values in (("q_ref", motion.q), ("v_ref", motion.v), ("vd_ref", motion.vd)):
                 fmu.put(name, values[i])
             fmu.step()
-        np.testing.assert_allclose(fmu.get("tau"), direct.tau[2001], atol=1e-6)
+        np.testing.assert_allclose(fmu.get("tau"), direct.tau[401], atol=1e-6)
+        assert np.ptp(direct.v, axis=0).max() > 0.1
+        q, v = direct.q[401:402], direct.v[401:402]
+        rate = head_motion(design.robot, q, v, 0 * v).angular_velocity[0]
+        np.testing.assert_allclose(fmu.get("angular_rate"), rate, atol=1e-6)
         assert np.linalg.norm(fmu.get("specific_force")) > 9
 
 
 def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path):
     """Two instances at a time, one with a heavier payload and friction."""
-    design = designed("coupled_pi")
+    design = designed("coupled_pi", end=0.3)
     write_fmu(design, tmp_path / "loop.fmu")
     friction = Friction(viscous=[50.0, 20.0, 20.0, 10.0])
     changed = designed(
-        "coupled_pi", {"plant.deviation.payload_mass": 20.0, "plant.friction": friction}
+        "coupled_pi", {"plant.deviation.payload_mass": 20.0, "plant.friction": friction}, end=0.3
     )
     start, tau = np.array([0.3, 0.5, -0.2, 0.1]), np.array([50.0, 900.0, 100.0, 10.0])
 
@@ -119,13 +110,13 @@ def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path
         loop = builder.AddSystem(make_loop(own, controller="external"))
         source = builder.AddSystem(ConstantVectorSource(tau))
         builder.Connect(source.get_output_port(), loop.GetInputPort("tau_cmd"))
-        return simulate(own, builder.Build(), q=start).q[100]
+        return simulate(own, builder.Build(), q=start).q[50]
 
     with running(tmp_path / "loop.fmu") as plain, running(tmp_path / "loop.fmu") as other:
         plain.begin(q_start=start, tau_cmd=tau)
         payload = {"payload_mass": [20.0], "viscous_friction": friction.viscous}
         other.begin(q_start=start, tau_cmd=tau, **payload)
-        for _ in range(50):
+        for _ in range(25):
             plain.step(2 * PERIOD)
             other.step(2 * PERIOD)
         np.testing.assert_allclose(plain.get("q"), here(design), atol=1e-6)
@@ -149,7 +140,6 @@ def test_bad_input_is_an_error_with_a_text(by_reference, capfd):
         fmu.step()  # it goes on
     for start, parameters, text in (
         (1.0, {}, "start time 1 s, expected 0"),
-        (0.0, {"q_start": [np.nan] * 4}, "q_start: [nan, nan, nan, nan], expected finite numbers"),
         (0.0, {"viscous_friction": [-1.0] * 4}, "viscous[1]: -1.0, expected a number >= 0"),
     ):
         with running(path) as wrong:
@@ -157,36 +147,6 @@ def test_bad_input_is_an_error_with_a_text(by_reference, capfd):
             with pytest.raises(Exception, match="fmi2DoStep failed"):
                 wrong.step()
         assert text in capfd.readouterr().out
-
-
-def test_an_fmu_of_another_version_is_refused(by_reference, tmp_path):
-    other = tmp_path / "other.fmu"
-    with zipfile.ZipFile(by_reference[1]) as old, zipfile.ZipFile(other, "w") as new:
-        for entry in old.infolist():
-            text = old.read(entry)
-            if entry.filename.endswith(ABOUT):
-                text = text.replace(b'"version": "0.', b'"version": "9.')
-            new.writestr(entry, text)
-    with pytest.raises(Exception, match="instantiate"):
-        Fmu(other)
-
-
-def test_all_files_that_a_scenario_names_come_along():
-    """All but Python, which no FMU runs."""
-    top = schema_of(Scenario)
-
-    def kinds(node):
-        node = inner(node, top)
-        found = [node["file"]] if "file" in node else []
-        return sum(map(kinds, node.get("properties", {}).values()), found)
-
-    scenario = load_scenario("coupled_pi")
-    own = [
-        inner(schema_of(type(owner)), schema_of(type(owner)))["properties"][name]["file"]
-        for owner, name in file_fields(scenario)
-    ]
-    assert sorted([*own, "controllers"]) == sorted(kinds(top))
-    assert get_type_hints(Scenario)
 
 
 TABLE = ("--fmu", "x.fmu", "--fmu-input", "reference", "--set", "controller.kind=pi_ctc")
@@ -197,7 +157,7 @@ def test_command(good, call, desk):
     assert said.startswith("loop.fmu written: the loop of coupled_pi with the torque")
     with running(desk / "loop.fmu") as fmu:
         fmu.begin()
-        assert len(fmu.names("tau_cmd")) == 4
+        assert len(fmu.numbers("tau_cmd")) == 4
     for options, part in (
         (("--fmu", "x.fmu", "--drive", "drives"), "--drive: has no effect with --fmu"),
         (("--fmu", "x.txt"), "x.txt: unknown kind of file, expected .fmu"),
@@ -206,15 +166,3 @@ def test_command(good, call, desk):
     ):
         refused(call("export", "coupled_pi", *options), part)
     assert [path.name for path in desk.iterdir()] == ["loop.fmu"]
-
-
-def test_code_of_a_file_is_refused(designed, tmp_path):
-    design = designed("coupled_pi")
-    design.scenario.controller.file = "own.py"
-    try:
-        with pytest.raises(
-            InputError, match=r"^controller.file: own.py, but an FMU runs no such code"
-        ):
-            write_fmu(design, tmp_path / "x.fmu")
-    finally:
-        design.scenario.controller.file = ""

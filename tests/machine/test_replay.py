@@ -9,7 +9,7 @@ import pytest
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings import Recorded, read_recording
-from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, FEEDFORWARD, UNFED, _smoothed, replay
+from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
 from sdt_drake.run.scenario import (
     ControllerChoice,
@@ -60,30 +60,13 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert "with the nominal links" not in result.courses and UNFED not in result.courses
     assert np.isnan(result.due_to_model).all()
     assert tables(result)[0].rows[-1][0] == "of the difference, controller, drives, springs [%]"
-    torques = {name: texts for name, *texts in tables(result)[-1].rows}
-    assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
     result.measured["torque"][:, 2] = 1e-12  # round-off of a joint at rest
     result.measured["torque"][:, 3] /= 1000  # 999 times as far off as what was recorded
     assert np.isnan(result.explained("torque")).tolist() == [False, False, True, False]
     (said,) = (line for line in replay_findings(result) if "% of the motor torque;" in line)
-    assert said == (
-        "The simulation explains 100.0 100.0 – – % of the motor torque; nothing of joint 4, where "
-        "the difference is 999 times the recorded value (RMS); of joint 3 nothing was recorded."
-    )
-    assert ("motor torque", "100.0", "100.0", "–", "–") in tables(result)[0].rows
+    assert "explains 100.0 100.0 – – %" in said and "joint 4" in said and "999 times" in said
     result.measured["position_error"][:, 2] = 0
     assert np.isnan(result.due_to_model).all()  # of a joint that was at rest, too
-
-
-def test_what_differs_in_a_gap_is_not_put_down_to_the_machine(designed, tmp_path):
-    made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
-    recorded = recorded_run(made, tmp_path)
-    assert not any("gap" in line for line in replay_findings(replayed(made, recorded)))
-    kept = (recorded.time < 0.3) | (recorded.time > 0.5)
-    signals = {name: x[kept] for name, x in recorded.signals.items()}
-    holed = Recorded(recorded.path, recorded.time[kept], signals, of_links=True)
-    (line,) = (line for line in replay_findings(replayed(made, holed)) if "gap" in line)
-    assert line.startswith("The recording has 1 gap(s) in time, the longest 0.21 s at 0.295 s")
 
 
 def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
@@ -127,12 +110,6 @@ def test_what_explains_more_than_the_scenario_is_said(designed, tmp_path):
     assert "–" in str(result) and not re.search(r" -\d", str(result))
     assert not replayed(made, recorded).better("torque")
 
-    motor = recorded.signals["tau"]
-    fed = recorded_run(made, tmp_path, tau_ff=motor)
-    heavy = {"plant.deviation.payload_mass": 100.0, "controller.feedforward": None}
-    better = replayed(made, fed, heavy).better("torque")
-    assert better[FEEDFORWARD].any()
-
 
 def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_path):
     """Gravity and inertias are those of the pose; the offset of a reference that nobody recorded
@@ -150,14 +127,6 @@ def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_pa
     result = replayed(made, recorded)
     assert result.difference("torque").max() > 10
     assert any(x.startswith("No positions were recorded") for x in replay_findings(result))
-
-
-def test_a_feedforward_that_a_controller_cannot_take_is_said_to_be_left_out(designed, tmp_path):
-    made = designed("coupled_pi", {"controller.kind": "inverse_dynamics"}, start=1.0, end=1.2)
-    recorded = recorded_run(made, tmp_path, tau_ff=np.ones_like(made.motion.q))
-    said = replay_findings(replayed(made, recorded))
-    assert said[-1].startswith("The recorded torque feedforward is left out")
-    assert not any("replaces the controller's own" in line for line in said)
 
 
 def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
@@ -196,15 +165,6 @@ def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_pa
     assert 0.02 < simulate(made).saturated[:, 1].mean() < 0.5
     result = replayed(made, recorded_run(made, tmp_path))
     assert result.difference("torque", ALONE)[1] < 0.01 * result.recorded_rms("torque")[1]
-
-
-def test_nothing_is_said_of_the_law_of_joints_without_a_torque(designed, tmp_path):
-    made = designed("coupled_pi", start=1.0, end=1.5)
-    recorded = recorded_run(made, tmp_path)
-    recorded.signals["tau"][:, 1:3] = 0
-    recorded.signals["tau"][:, 3] *= 0.1
-    said = replay_findings(replayed(made, recorded))
-    assert any("controller commands joint 4 a torque" in line for line in said)
 
 
 def test_a_load_is_smoothed_in_phase():

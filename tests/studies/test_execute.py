@@ -8,7 +8,6 @@ from queue import SimpleQueue
 
 import pytest
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import _signals_into, run_study
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.store import Store
@@ -77,20 +76,3 @@ def test_finished_rows_are_on_the_disk(files, tmp_path, monkeypatch, when):
         run_study(job, tmp_path / "many", report=report)
     with Store(tmp_path / "many") as store:
         assert store.done() == {0, 1} and backend.closed
-
-
-def test_an_error_instead_of_a_row_ends_the_study(files, tmp_path, monkeypatch):
-    class Broken(Rows):
-        def submit(self, number, inputs) -> Future[Row]:
-            future = Future()
-            future.set_exception(InputError("did not start"))
-            return future
-
-        def close(self) -> None:
-            self.closed = True
-
-    backend = Broken()
-    monkeypatch.setattr("sdt_drake.studies.pool.Pool", lambda *_: backend)
-    with pytest.raises(InputError, match="did not start"):
-        run_study(make_job(*load_study(files / "many.yaml")), tmp_path / "many")
-    assert backend.closed

@@ -6,20 +6,15 @@ import math
 import os
 import resource
 import signal
-import subprocess
-import sys
 from contextlib import contextmanager
 
 import pytest
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in
-from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.folder import holds_study, opened
-from sdt_drake.studies.job import Job
 from sdt_drake.studies.results import write_results
 from sdt_drake.studies.store import DATABASE, Store, create
-from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
 INPUTS = {"a": 0.1, 'b "c"': "text"}
@@ -86,34 +81,6 @@ def test_inputs_that_differ_in_capital_letters_alone_are_refused(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-WRITER = """
-import sys
-from pathlib import Path
-from sdt_drake.studies.store import Store
-from sdt_drake.studies.table import Row
-
-with Store(Path(sys.argv[1])) as store:
-    for number in range(4, 10**6):
-        store.append(Row(number, "ok", "", 0.5, (float(number), 2.0)), {"a": 1.0, "b": "b"})
-        print(number, flush=True)
-"""
-
-
-def test_rows_are_whole_after_kill_9(written):
-    """All that were said to be there, and at most the one that was being written."""
-    command = [sys.executable, "-c", WRITER, written]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        for _ in range(20):
-            process.stdout.readline()
-        process.kill()
-        said = [int(line) for line in process.stdout.read().split()]
-    last = said[-1] if said else 23
-    with Store(written) as store:
-        assert store.done() - {0, 2, 3} in ({*range(4, last + 1)}, {*range(4, last + 2)})
-        (columns,) = store.groups()
-        assert columns[0][3:] == columns[[*store.kinds].index("x")][3:]
-
-
 @contextmanager
 def disk_of(size: int):
     """Files get no larger than that [bytes]."""
@@ -137,15 +104,3 @@ def test_full_disk(written):
                 store.append(Row(number, "ok", "", 0.5, (1.0, 2.0)), INPUTS)
         kept = store.done()
     assert kept == {0, 2, *range(3, max(kept) + 1)} and 3 < max(kept) < 999
-
-
-def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp_path):
-    job = Job(Study(), Scenario(), {}, ("y",), "x", {})
-    with (
-        disk_of(10),
-        pytest.raises(InputError, match=r"cannot begin a study .*disk"),
-        opened(job, tmp_path, resume=False),
-    ):
-        pass
-    with opened(job, tmp_path, resume=False):
-        assert holds_study(tmp_path)

@@ -203,21 +203,3 @@ def test_scenario_of_a_row(base):
 
 
 # --- files -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("scenario: axis.yaml\n", "", "scenario: missing, expected the file of the base"),
-        ("axis.yaml", "nowhere.yaml", "nowhere.yaml: no such file"),
-        ("!Uniform", "!Unifrom", "unknown kind !Unifrom, expected !Uniform, !LogUniform"),
-        ("disturbance.amplitude", "disturbance.amplitud", "did you mean 'disturbance.amplitude'"),
-    ],
-)
-def test_bad_files(desk, old, new, message):
-    text = (desk / "few.yaml").read_text()
-    assert old in text
-    (desk / "few.yaml").write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=message) as raised:
-        load_study("few.yaml")
-    assert all("yaml: " in line for line in raised.value.lines)

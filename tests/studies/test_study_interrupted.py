@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -19,13 +20,13 @@ pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /
 
 
 class Running:
-    """`sdt-drake study many.yaml` in a process of its own."""
+    """`sdt-drake study many.yaml` in a session of its own."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         self.folder, self.temporary = folder / "many", folder / "temporary"
         self.temporary.mkdir(exist_ok=True)
         self.process = subprocess.Popen(
-            [sys.executable, *arguments],
+            [sys.executable, "-m", "sdt_drake", "study", "many.yaml", *arguments],
             cwd=folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -44,23 +45,13 @@ class Running:
         while int(self.process.stdout.readline().split()[0]) < rows:
             pass
 
-    def processes(self) -> list[int]:
-        """Its own and all others of its session."""
-        found = []
-        for path in Path("/proc").glob("[0-9]*"):
-            try:
-                _, _, _, session = (path / "stat").read_text().rpartition(")")[2].split()[:4]
-            except OSError:
-                continue
-            if int(session) == self.process.pid:
-                found.append(int(path.name))
-        return found
-
     def ended(self) -> tuple[int, str]:
-        """Exit code and what it said, once all its processes and their files are gone."""
+        """Exit code and what it said, once its session and its files are gone."""
         _, err = self.process.communicate()
-        for process in self.processes():
-            wait_for_end(process)
+        for path in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(ProcessLookupError):
+                if os.getsid(int(path.name)) == self.process.pid:
+                    wait_for_end(int(path.name))
         assert not any(self.temporary.iterdir())
         return self.process.returncode, err
 
@@ -70,7 +61,7 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     for name in ("random", "copy", "numpy", "argparse", "logging", "table"):
         (desk / f"{name}.py").write_text("raise RuntimeError('a wrong module')")
 
-    first = Running(desk, "-m", "sdt_drake", "study", "many.yaml")
+    first = Running(desk)
     first.wait_for(2)
     first.process.send_signal(signal.SIGSTOP)  # so that it is not done before we have looked
     assert main(["study", "many.yaml", "--resume"]) == 2
@@ -81,7 +72,7 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     there = first.rows
     assert 2 <= there < RUNS and not (desk / "many" / "results.parquet").exists()
 
-    second = Running(desk, "-m", "sdt_drake", "study", "many.yaml", "--resume")
+    second = Running(desk, "--resume")
     second.wait_for(there + 2)
     second.process.kill()
     assert second.ended()[0] == -signal.SIGKILL

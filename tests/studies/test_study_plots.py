@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from itertools import combinations
 
 import numpy as np
@@ -127,13 +126,3 @@ def test_pareto_front_is_a_line_and_the_rest_is_grey():
     assert same_color(rest_a.get_facecolor()[0], "0.75")
     assert same_color(best_b.get_facecolor()[0], PALETTE[1])
     assert legend_texts(figure)[:2] == ["kind a", "kind b"]
-
-
-def test_an_outcome_that_no_run_has_leaves_its_panel_empty():
-    table = make_table(40)
-    table.outcomes["max_abs_position_error_2"][:] = np.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        figure = plots.tornado_figure("t", table, "max_abs_position_error")
-        plots.distributions("t", table, ["max_abs_position_error"])
-    assert [len(ax.patches) > 0 for ax in figure.axes[:4]] == [True, False, True, True]

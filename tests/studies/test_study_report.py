@@ -65,16 +65,6 @@ def test_tables_are_rectangular_and_of_texts(made):
     assert named[-1] == pytest.approx(sum(named[:-1]), abs=3) and min(named) >= 0
 
 
-def test_percentile_table_is_in_the_unit_of_its_title(table):
-    names = ["max_abs_position_error", "max_abs_position_error_2"]
-    made = report.percentile_table(table, names)
-    assert made.title.endswith("[deg]") and made.header[-1] == "largest"
-    assert [row[0] for row in made.rows[:2]] == ["pi, worst joint", "pi, joint 2"]
-    part = table.groups["pi"]
-    largest = np.degrees(np.nanmax(part.outcomes["max_abs_position_error_2"]))
-    assert made.rows[1][-1] == f"{largest:.4g}"
-
-
 def test_worst_table_names_run_joint_and_inputs(table):
     made = report.worst_table(table, "max_abs_speed_error", count=2)
     labels = [row[3] for row in made.rows]
