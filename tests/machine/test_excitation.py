@@ -41,9 +41,7 @@ def planned(excitation) -> Motion:
 
 def test_the_planner_takes_it_as_it_is_and_it_uses_what_it_may(arm, excitation):
     motion = planned(excitation)
-    assert motion.duration == 20
-    assert np.abs(motion.v[[0, -1]]).max() < 1e-9
-    assert np.abs(motion.vd[0]).max() < 0.05 * np.abs(motion.vd).max()
+    assert motion.duration == 20 and np.abs(motion.v[[0, -1]]).max() < 1e-9
     again = round(1 / excitation.base_frequency / motion.period)
     fitted, judged = np.split(motion.v, [round(excitation.fitted / motion.period)])
     assert fitted[again:] == pytest.approx(fitted[:-again], abs=1e-6)
@@ -69,8 +67,8 @@ def test_the_standard_deviations_are_those_of_fits_to_noise(arm, excitation):
     found = np.linalg.lstsq(X, noise, rcond=None)[0]
     assert found.std(axis=1) == pytest.approx(excitation.sigma, rel=0.15)
     assert target.noise == pytest.approx([1, 1])
-    scaled = X / np.linalg.norm(X, axis=0)
-    assert np.linalg.cond(scaled) == pytest.approx(excitation.condition, rel=0.02)
+    condition = np.linalg.cond(X / np.linalg.norm(X, axis=0))
+    assert condition == pytest.approx(excitation.condition, rel=0.02)
 
 
 def test_a_payload_is_excited_gently(arm):
@@ -95,7 +93,6 @@ def test_what_a_file_does_not_limit_is_assumed(arm):
     [
         ("--payload hand", "no moving link 'hand', expected one of upper; lower"),
         ("--margin 0.2", "joint 1 exceeds its torque limit even at rest"),
-        ("--duration 12.3456", "12.3456 s is not a whole multiple of the period 0.005"),
         ("--acceleration 8", "acceleration: [8.0], expected a list of 2 finite"),
     ],
 )

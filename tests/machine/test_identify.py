@@ -166,17 +166,6 @@ def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
     assert line.startswith("1 of 2 base parameters") and line.endswith("named after hx of arm")
 
 
-def changes_along(found, robot, along, file):
-    """What a step in each direction does to the base parameters, shape (directions, r)."""
-    step, changes = 1e-3, []
-    write_table(file, np.arange(1.0, len(along) + 1), {"entry": along}, first="direction")
-    for one in step * np.eye(len(along)):
-        other = deviated(robot, Deviation(spread=str(file), along=one.tolist()))
-        change = (rigid_parameters(other) - rigid_parameters(robot))[found.unknown.columns]
-        changes.append(found.unknown.base.combination @ change / step)
-    return np.array(changes)
-
-
 def test_what_a_recording_leaves_open_is_as_in_the_file(robot):
     """Within a standard deviation nothing changes; beyond it, no more than all but that one is
     followed."""
@@ -195,12 +184,15 @@ def test_what_a_recording_leaves_open_is_as_in_the_file(robot):
 
 
 def test_draws_have_the_measured_covariance(found, tmp_path):
-    robot = identified_robot(found)
+    robot, file, step = identified_robot(found), tmp_path / "s.csv", 1e-3
     along = directions(found, robot)
-    r = len(found.estimate.beta)
-    names = [link.name for link in links_of(robot)]
-    assert along.shape[1] == 10 * len(names)
-    changes, file = changes_along(found, robot, along, tmp_path / "s.csv"), tmp_path / "s.csv"
+    assert along.shape[1] == 10 * len(links_of(robot))
+    write_table(file, np.arange(1.0, len(along) + 1), {"entry": along}, first="direction")
+    changes, r = [], len(found.estimate.beta)
+    for one in step * np.eye(len(along)):
+        other = deviated(robot, Deviation(spread=str(file), along=one.tolist()))
+        change = (rigid_parameters(other) - rigid_parameters(robot))[found.unknown.columns]
+        changes.append(found.unknown.base.combination @ change / step)
     drawn = np.sqrt(np.sum(np.square(changes), axis=0))
     # As it was measured, less what the belief in the file knows better, and what is the motors'.
     measured = np.sqrt(np.diagonal(found.estimate.covariance))[:r]

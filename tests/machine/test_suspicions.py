@@ -23,10 +23,14 @@ from sdt_drake.robot.robot import load_robot
 CUTOFF = 6.0
 
 
+def blames(found):
+    """Suspicions of an identification."""
+    return [line for line in found.warnings if not any(words in line for words in NEUTRAL)]
+
+
 def said(robot, recorded):
     """Suspicions of a recording."""
-    found = identify(robot, [recorded], cutoff=CUTOFF)
-    return [line for line in found.warnings if not any(words in line for words in NEUTRAL)]
+    return blames(identify(robot, [recorded], cutoff=CUTOFF))
 
 
 READ_OTHERWISE = {
@@ -63,8 +67,8 @@ def test_swapped_torques_of_joints_that_move_alike_are_no_units():
 
 def test_nothing_is_said_of_clean_recordings():
     robot, recorded = recording("arm3", "", 30)
-    assert said(robot, recorded) == []
     found = identify(robot, [recorded], cutoff=CUTOFF)
+    assert blames(found) == []
     clean = delay_of(found.equations, CUTOFF)
     assert abs(clean.common) < 5e-4 and not clean.is_significant
     late = replace(found.equations, time=found.equations.time + 1)  # a constant is no delay
