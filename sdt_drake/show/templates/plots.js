@@ -25,13 +25,25 @@
     chart.setScale("x", { min: from, max: from + width });
   };
   const mark = (spans) => ({ ctx, bbox, valToPos }) => {
-    ctx.fillStyle = "rgb(0 0 0 / 0.12)";
+    ctx.fillStyle = dark() ? "rgb(255 255 255 / 0.15)" : "rgb(0 0 0 / 0.12)";
     for (const span of spans) {
       const [from, to] = span.map((x) => Math.max(bbox.left, Math.min(bbox.left + bbox.width, valToPos(x, "x", true))));
       if (to > from) ctx.fillRect(from, bbox.top, Math.max(to - from, 1), bbox.height);
     }
   };
   const range = (_, low, high) => (low === high ? [low - 1, high + 1] : uPlot.rangeNum(low, high, 0.1, true));
+  // Colours follow the theme: on a dark ground lines are lighter, and axes light. Print is light.
+  let printing = false;
+  const dark = () => !printing && isDark();
+  const mixed = (colour, share) => `#${[1, 3, 5].map((k) =>
+    Math.round(parseInt(colour.slice(k, k + 2), 16) * (1 - share) + 255 * share).toString(16).padStart(2, "0")).join("")}`;
+  const toned = (colour) => {
+    const whole = colour.length === 4 ? colour.replace(/[^#]/g, "$&$&") : colour;
+    const light = [1, 3, 5].some((k) => parseInt(whole.slice(k, k + 2), 16) > 100);
+    return dark() && /^#[0-9a-f]{6}/i.test(whole) ? mixed(whole, light ? 0.4 : 0.75) : colour;
+  };
+  const ink = () => (dark() ? "#e6eaee" : "#1b2229");
+  const lines = () => (dark() ? "#38424e" : "#e3e7eb");
   const width = (place) => Math.floor(place.clientWidth);
 
   const draw = (place, panel, arrays) => {
@@ -40,7 +52,7 @@
     const x = arrays[panel.x];
     const ends = `${x[0]} ${x[x.length - 1]}`;
     const value = (_, number) => short(number);
-    const axis = { font: "12px system-ui", labelFont: "12px system-ui", labelSize: 18, values: (_, ticks) => ticks.map(short) };
+    const axis = { stroke: ink, grid: { stroke: lines, width: 1 }, ticks: { stroke: lines, width: 1 }, font: "12px system-ui", labelFont: "12px system-ui", labelSize: 18, values: (_, ticks) => ticks.map(short) };
     const room = (_, ticks) => Math.max(62, 20 + 7 * Math.max(0, ...(ticks ?? []).map((text) => text.length)));
     const chart = new uPlot({
       width: width(place),
@@ -52,11 +64,11 @@
         ...panel.lines.map(({ label, colour, dash, dots }) => ({
           label,
           value,
-          stroke: colour,
+          stroke: () => toned(colour),
           width: 1.5,
           dash: dashes[dash],
           paths: dots ? () => null : undefined,
-          points: { show: dots, size: 3, fill: colour },
+          points: { show: dots, size: 3, fill: () => toned(colour) },
         })),
       ],
       cursor: {
@@ -66,9 +78,21 @@
       },
       hooks: { setScale: [follow], drawClear: [mark(panel.marked)] },
     }, [x, ...panel.lines.map((line) => arrays[line.values])], place);
+    const canvas = chart.root.querySelector("canvas");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${panel.title || panel.y_label}: ${panel.lines.map(({ label }) => label).join(", ")}`);
+    const tint = () => chart.root.querySelectorAll(".u-legend .u-series").forEach((row, k) => {
+      const marker = row.querySelector(".u-marker");
+      if (k && marker) marker.style.borderColor = toned(panel.lines[k - 1].colour);
+    });
     chart.ends = ends;
     together.set(ends, [...(together.get(ends) ?? []), chart]);
-    all.push([place, chart]);
+    // In print a plot is too low for its label beside it.
+    const label = () => {
+      title.textContent = [panel.title, ...(printing ? [panel.y_label] : [])].filter(Boolean).join(": ");
+      chart.axes[1].label = printing ? null : panel.y_label;
+    };
+    all.push([place, chart, () => { tint(); label(); }]);
     place.setAttribute("role", "group");
     place.setAttribute("aria-label", `${panel.y_label} over ${panel.x_label}`);
     return chart;
@@ -94,9 +118,20 @@
       });
     }
   }
+  const paint = () => { for (const [, chart, adapt] of all) { adapt(); chart.redraw(false); } };
   const fit = () => { for (const [place, chart] of all) chart.setSize({ width: width(place), height: 230 }); };
   fit(); // the first plot of a grid had the whole width
   addEventListener("resize", fit);
-  addEventListener("beforeprint", () => { for (const [, chart] of all) chart.setSize({ width: 330, height: 180 }); });
-  addEventListener("afterprint", fit);
+  addEventListener("beforeprint", () => {
+    printing = true;
+    for (const [place, chart] of all) { // the width of the page, two joints on each
+      const whole = place.matches(".grid > :only-child, .grid > :last-child:nth-child(odd)");
+      chart.setSize({ width: whole ? 690 : 340, height: 112 });
+    }
+    paint();
+  });
+  addEventListener("afterprint", () => { printing = false; fit(); paint(); });
+  systemDark.addEventListener("change", paint);
+  theme.addEventListener("click", paint);
+  paint();
 }

@@ -20,7 +20,7 @@ from sdt_drake.robot.robot import Robot, parts_of
 from sdt_drake.robot.shapes import drawable
 from sdt_drake.show.documents import Table, render_html
 from sdt_drake.show.view3d.scene import FIELD_OF_VIEW, FRAME_RATE, WIDTH, Frames, Scene
-from sdt_drake.show.view3d.viewer import freeing_meshcat, in_browser, open_meshcat, titled
+from sdt_drake.show.view3d.viewer import freeing_meshcat, in_browser, open_meshcat, page_with
 from sdt_drake.systems.skeleton import arrow, bones
 
 MASS = (0.85, 0.25, 0.1)
@@ -241,8 +241,7 @@ def robot_page(robot: Robot) -> str:
         field=FIELD_OF_VIEW,
         width=WIDTH,
     )
-    body, end, rest = titled(meshcat.StaticHtml(), robot.name).rpartition("</body>")
-    return body + overlay + end + rest
+    return page_with(meshcat, robot.name, overlay)
 
 
 def robot_html(robot: Robot, path: Path) -> None:

@@ -159,7 +159,6 @@ def recorded_page(
     meshcat.StopRecording()
     meshcat.PublishRecording()
     title = story.title or title or robot.name
-    body, end, rest = titled(meshcat.StaticHtml(), title).rpartition("</body>")
     overlay = render_html(
         "viewer.html.j2",
         title=title,
@@ -182,12 +181,15 @@ def recorded_page(
         field=PILOT_FIELD,
         near=PILOT_NEAR,
     )
+    return page_with(meshcat, title, overlay)
+
+
+def page_with(meshcat: Meshcat, title: str, overlay: str) -> str:
+    """Return Meshcat's page with a title, a language and an overlay before its end."""
+    page = meshcat.StaticHtml().replace("<html>", '<html lang="en">', 1)
+    page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
+    body, end, rest = page.rpartition("</body>")
     return body + overlay + end + rest
-
-
-def titled(page: str, title: str) -> str:
-    """Return Meshcat's page with another title."""
-    return page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
 
 
 def _page_data(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
