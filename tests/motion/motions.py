@@ -7,13 +7,12 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from sdt_drake.motion import Command, Course, Motion, load_command
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.motors import as_driven
-from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.robot.robot import Robot
 
 PERIOD = 0.005
 LIMITS = np.array([13655.04, 3950, 2150, 2150])
@@ -63,16 +62,6 @@ def faster(robot: Robot, speed: float) -> Command:
     return dataclasses.replace(whole, joints=(first, *others))
 
 
-def write_robot(folder, text: str, *changes: tuple[str, str]) -> Robot:
-    """A robot of an SDF text with some changes."""
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = folder / "robot.sdf"
-    path.write_text(text, encoding="utf-8")
-    return load_robot(path)
-
-
 def falling(robot: Robot, n1: float, n0: float) -> Robot:
     """The robot whose first motor loses its torque between two joint speeds [rad/s]."""
     n1_, n0_ = ([67.2 * x, 90.0 + k, 90.0 + k, 90.0 + k] for k, x in enumerate((n1, n0)))
@@ -83,11 +72,6 @@ def sampled(whole: Command, period: float = PERIOD) -> Motion:
     """The motion that a command is, whatever the robot can do."""
     time = np.arange(round(whole.duration / period) + 1) * period
     return Motion.from_speeds(period, whole.q0, whole.speeds(time))
-
-
-def distance(points: np.ndarray, path: np.ndarray) -> float:
-    """Largest distance of points to the nearest one of a path [rad]."""
-    return float(cKDTree(path).query(points)[0].max())
 
 
 def least_time(robot: Robot, motion: Motion) -> float:

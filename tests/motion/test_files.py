@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from motions import PERIOD, SHORT, sampled
+from motions import PERIOD, SHORT
 from pydrake.trajectories import PiecewisePolynomial
 from strategies import motions
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.resources import models_dir
 from sdt_drake.io.tables import write_table
-from sdt_drake.io.yaml_files import write_yaml
-from sdt_drake.motion import LearnedReference, Motion, import_motion, load_plan, load_profile
+from sdt_drake.motion import PLANNERS, LearnedReference, Motion, import_motion, load_plan
 from sdt_drake.motion import trajectory as module
 
 ANY_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -36,21 +34,13 @@ def test_integrals_of_a_motion_are_those_computed_by_hand():
     assert (motion.n, motion.duration) == (1, 1.5)
 
 
-@settings(max_examples=5)
-@given(motion=motions(3, period=0.01), share=st.floats(0, 0.99))
-def test_the_drake_trajectory_has_the_same_positions_speeds_and_accelerations(motion, share):
-    dt = share * motion.period
-    time, q, v, vd = (x[:-1] for x in (motion.time + dt, motion.q, motion.v, motion.vd))
-    expected = q + v * dt + vd * dt**2 / 2, v + vd * dt, vd
-    for order, (right, tolerance) in enumerate(zip(expected, (1e-12, 1e-9, 1e-6), strict=True)):
-        values = motion.trajectory.derivative(order).vector_values(time).T
-        np.testing.assert_allclose(values, right, atol=tolerance)
-    assert motion.trajectory.end_time() == motion.duration
-
-
-@ANY_FILE
-@given(motion=motions(2), period=st.sampled_from([0.005, 0.1, 1 / 3, 1 / 300]))
-def test_a_motion_and_a_learned_reference_come_back_bit_by_bit(tmp_path, motion, period):
+@settings(ANY_FILE, max_examples=15)
+@given(
+    motion=motions(2),
+    period=st.sampled_from([0.005, 0.1, 1 / 3, 1 / 300]),
+    share=st.floats(0, 0.99),
+)
+def test_a_motion_comes_back_from_its_files_and_as_a_trajectory(tmp_path, motion, period, share):
     motion = Motion.from_speeds(period, motion.q[0], motion.v)
     motion.to_csv(tmp_path / "motion.csv")
     same(Motion.from_csv(tmp_path / "motion.csv"), motion)
@@ -59,6 +49,11 @@ def test_a_motion_and_a_learned_reference_come_back_bit_by_bit(tmp_path, motion,
     learned = LearnedReference.from_csv(tmp_path / "learned.csv")
     same(learned.motion, motion)
     np.testing.assert_array_equal([learned.torque, learned.planned], [motion.v, motion.q])
+    dt = share * period
+    time, q, v, vd = (x[:-1] for x in (motion.time + dt, motion.q, motion.v, motion.vd))
+    for order, right in enumerate((q + v * dt + vd * dt**2 / 2, v + vd * dt, vd)):
+        values = motion.trajectory.derivative(order).vector_values(time).T
+        np.testing.assert_allclose(values, right, atol=1e-12 * 1000**order)
 
 
 # --- files -----------------------------------------------------------------------------------
@@ -70,46 +65,9 @@ CSV = """time,q_ref_1,v_ref_1,vd_ref_1,tau_1
 1.0,0.5,1,0,7
 1.5,1.0,1,0,6
 """
-LEANS = (models_dir() / "motions/leans.yaml").read_text(encoding="utf-8")
-
-
-@st.composite
-def changed(draw, text: str) -> bytes:
-    """A file with some other bytes in it."""
-    content = text.encode()
-    for _ in range(draw(st.integers(0, 2))):
-        at, gone = draw(st.integers(0, len(content))), draw(st.integers(0, 5))
-        new = draw(st.sampled_from([b"", b"-", b"0", b"nan", b"1e999", b",", b"\n", b"\xff", b"{"]))
-        content = content[:at] + new + content[at + gone :]
-    return content
-
-
-@ANY_FILE
-@given(csv=changed(CSV), yaml=changed(LEANS))
-def test_any_bytes_are_refused_in_lines_or_round_trip(tmp_path, csv, yaml):
-    path, again = tmp_path / "any.csv", tmp_path / "again.csv"
-    path.write_bytes(csv)
-    try:
-        motion = import_motion(path, 0.5)[0]
-    except InputError as error:
-        assert str(error).startswith(str(path))
-    else:
-        motion.to_csv(again)
-        same(Motion.from_csv(again), motion)
-    path, again = tmp_path / "any.yaml", tmp_path / "again.yaml"
-    path.write_bytes(yaml)
-    try:
-        profile = load_profile(path)
-    except InputError as error:
-        assert all(line.startswith(str(path)) for line in str(error).splitlines())
-    else:
-        write_yaml(again, profile)
-        assert load_profile(again) == profile
-
 
 BAD = [
     (CSV.replace(",v_ref", ",speed"), ": no column v_ref_1"),
-    (CSV.replace("vd_ref", "x"), ": no column vd_ref_1"),
     (CSV.replace("tau_1", "q_ref_2"), "number of joints"),
     (CSV.replace("0.5,0.125", "0.7,0.125"), ", line 4: time goes from"),
     ("time,q_ref_1,v_ref_1,vd_ref_1\n0.5,0,0,0\n1.0,0,0,0\n", ", line 2: time starts at 0.5 s"),
@@ -151,20 +109,17 @@ def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @given(
     gaps=st.lists(st.floats(0.001, 0.013), min_size=1, max_size=9),
     start=st.floats(-9, 9),
-    given_=st.sampled_from([("v_ref",), ("q_ref",), ("q_ref", "v_ref", "tau")]),
+    given_=st.sampled_from([("v_ref",), ("q_ref",), ("q_ref", "v_ref")]),
 )
 def test_any_samples_become_the_interpolation_period(tmp_path, gaps, start, given_):
     time = np.concatenate([[0], np.cumsum(np.resize(gaps, 4000))])
     time = np.append(time[time < 3.999], 4.0)
     q, v = swing(time)
-    columns = {"q_ref": q, "v_ref": v, "tau": v}
-    path = tmp_path / "in.csv"
-    write_table(path, time + start, {name: columns[name] for name in given_})
-    motion, loss = import_motion(path, PERIOD)
+    columns = {"q_ref": q, "v_ref": v}
+    write_table(tmp_path / "in.csv", time + start, {name: columns[name] for name in given_})
+    motion, loss = import_motion(tmp_path / "in.csv", PERIOD)
     assert motion.period == PERIOD and motion.duration == pytest.approx(4.0)
-    right_q, right_v = swing(motion.time)
-    np.testing.assert_allclose(motion.v, right_v, atol=2e-3)
-    np.testing.assert_allclose(motion.q, right_q, atol=1e-3)
+    np.testing.assert_allclose([motion.q, motion.v], swing(motion.time), atol=2e-3)
     if "v_ref" in given_:  # the loss is that at the samples of the file
         off = np.abs(np.stack([np.interp(time, motion.time, x) for x in motion.v.T], axis=1) - v)
         np.testing.assert_allclose(loss.speed, off.max(axis=0), atol=1e-9)
@@ -215,24 +170,20 @@ def test_a_spline_in_blocks_is_the_spline_of_all(monkeypatch):
 # --- load_plan -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("planner", ["limiter", "retiming"])
-def test_a_csv_at_another_period_is_resampled_and_planned(robot, tmp_path, planner):
+def test_a_csv_is_resampled_checked_by_the_limiter_and_slowed_down_by_retiming(robot, tmp_path):
     time, path = 0.0125 * np.arange(321), tmp_path / "in.csv"
     write_table(path, time, {"v_ref": SHORT.speeds(time)})
-    plan = load_plan(path, robot, period=PERIOD, planner=planner)
-    np.testing.assert_allclose(plan.motion.v, SHORT.speeds(plan.motion.time), atol=0.02)
-    assert 0 < plan.loss.speed.max() < 0.02
-    with pytest.raises(InputError, match=r"in\.csv: .*joint 2"):
-        load_plan(path, robot, period=PERIOD, torque_margin=0.1, planner=planner)
-
-
-def test_the_limiter_only_checks_a_motion_that_retiming_slows_down(robot, tmp_path):
-    path = tmp_path / "m.csv"
-    sampled(SHORT).to_csv(path)
-    margin = 0.9 * load_plan(path, robot, period=PERIOD).peak_use(robot).max()
+    plans = [load_plan(path, robot, period=PERIOD, planner=name) for name in PLANNERS]
+    for plan in plans:
+        np.testing.assert_allclose(plan.motion.v, SHORT.speeds(plan.motion.time), atol=0.02)
+        assert 0 < plan.loss.speed.max() < 0.02
+    plans[0].motion.to_csv(tmp_path / "m.csv")
+    weak = {"period": PERIOD, "torque_margin": 0.9 * plans[0].peak_use(robot).max()}
     with pytest.raises(InputError, match=r"m\.csv: joint \d .* at .* needs torque"):
-        load_plan(path, robot, period=PERIOD, torque_margin=margin)
-    plan = load_plan(path, robot, period=PERIOD, torque_margin=margin, planner="retiming")
+        load_plan(tmp_path / "m.csv", robot, **weak)
+    plan = load_plan(tmp_path / "m.csv", robot, **weak, planner="retiming")
     assert plan.longer > 0 and plan.loss is None
+    with pytest.raises(InputError, match=r"in\.csv: .*joint 2"):
+        load_plan(path, robot, period=PERIOD, torque_margin=0.1, planner="retiming")
     with pytest.raises(InputError, match="planner: 'fast', expected one of limiter, retiming"):
         load_plan(path, robot, period=PERIOD, planner="fast")

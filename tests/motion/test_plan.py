@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from motions import LIMITS, PERIOD, alone, knots, reference, sampled
+from motions import LIMITS, PERIOD, alone, falling, knots, reference, sampled
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import (
@@ -21,8 +21,6 @@ from sdt_drake.motion import (
 from sdt_drake.motion.command import Course
 from sdt_drake.motion.segments import Oscillation
 from sdt_drake.motion.spin import spin_geometry
-from sdt_drake.robot.device import Drive
-from sdt_drake.robot.motors import as_driven
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +38,9 @@ def motion(robot):
         ("velocity_limit", [9, 1.4, 9, 9], "2.470 s: .* speed 1.41 rad/s, .* -1.4 to 1.4 rad/s"),
         ("acceleration_limit", [9, 2.0, 9, 9], "2.000 s: .* acceleration 3 rad/s², .* -2 to 2 "),
         ("effort_limit", [2e4, 3600, 2e4, 2e4], "9.000 s: .* torque .* -3600 to 3600 N m"),
+        # ... 1.5 (t - 2.25) from then on.
+        ("position_lower", [-9, 0.1, -9, -9], "0.000 s: .* position 0 rad"),
+        ("position_upper", [99, 1.5, 99, 99], r"3.255 s: .* position 1\.50\S* rad"),
     ],
 )
 def test_each_limit_of_the_robot_is_checked(robot, motion, field, limits, message):
@@ -48,26 +49,9 @@ def test_each_limit_of_the_robot_is_checked(robot, motion, field, limits, messag
         checked_torque(limited, motion)
 
 
-@pytest.mark.parametrize("side, limit", [("lower", -0.1), ("upper", 0.02)])
-def test_position_limits_are_checked(robot, motion, side, limit):
-    limits = np.full(4, -99.0 if side == "lower" else 99.0)
-    limits[2] = limit
-    limited = dataclasses.replace(robot, **{f"position_{side}": limits})
-    q = motion.q[:, 2]
-    i = np.flatnonzero(q < limit if side == "lower" else q > limit)[0]
-    with pytest.raises(
-        InputError, match=rf"joint 3 'pitch' at {i * PERIOD:.3f} s: .* position {q[i]:.6g} rad"
-    ):
-        checked_torque(limited, motion)
-
-
 def test_torques_are_checked_with_the_margin(robot, motion):
-    torque = checked_torque(robot, motion)
-    i = np.flatnonzero(np.abs(torque[:, 1]) > 0.9 * 3950)[0]
-    with pytest.raises(
-        InputError,
-        match=rf"joint 2 'roll' at {i * PERIOD:.3f} s: .* {torque[i, 1]:.6g} N m, .* 3555 N m",
-    ):
+    assert np.abs(checked_torque(robot, motion)[1800, 1]) > 0.9 * 3950
+    with pytest.raises(InputError, match=r"joint 2 'roll' at 9\.000 s: .* N m, .* 3555 N m"):
         checked_torque(robot, motion, torque_margin=0.9)
 
 
@@ -101,9 +85,6 @@ def swing(amplitude, period):
     return dataclasses.replace(knots([0, 0], [10, 0]), swings=((0.0, oscillation),))
 
 
-NOISE = [0.0, *([1.0, 0, 0, 0, 0] * 1999), *[0.0] * 5]
-
-
 @pytest.mark.parametrize(
     "joint, lost",
     [
@@ -113,10 +94,8 @@ NOISE = [0.0, *([1.0, 0, 0, 0, 0] * 1999), *[0.0] * 5]
         (swing(1e-4, PERIOD), 1e-4 * 2 * np.pi / PERIOD * 8),
         # Four samples of each swing see a triangle of the same speed.
         (swing(0.01, 4 * PERIOD), 0.01 * (1 - np.pi / 4)),
-        # A millisecond of noise, of which every fifth value is taken.
-        (Course.linear(1e-3 * np.arange(10001), NOISE), 1999 * 0.001),
     ],
-    ids=["short", "fast swing", "swing of few samples", "fine samples"],
+    ids=["short", "fast swing", "swing of few samples"],
 )
 def test_a_command_too_fast_for_the_period_is_refused_with_the_lost_angle(robot, joint, lost):
     with pytest.raises(InputError, match=r"'alone': joint 2 'roll' at .* 0\.005 s loses") as error:
@@ -136,12 +115,11 @@ def test_a_short_alignment_is_refused_though_its_speed_is_0_at_both_ends(robot):
 @pytest.mark.parametrize(
     "joint, message",
     [
-        (knots([0, 0], [5, 1e300], [10, 0]), r"e\+297 rad/s, .* 10000 rad/s"),
         (knots([0, 0], [5, 0], [5.005, 9e3], [10, 0]), r"1.8e\+06 rad/s², .* 1e\+06"),
         (knots([0, 9e3], [200, 9e3]), r"1e\+06 rad, .* 1e\+06 rad"),
         (swing(1e308, 0.001), "nan rad/s"),
     ],
-    ids=["speed", "acceleration", "angle", "no number"],
+    ids=["acceleration", "angle", "no number"],
 )
 def test_an_implausible_command_is_refused(robot, joint, message):
     with pytest.raises(InputError, match=rf"'alone': joint 2 'roll' at .* commanded .*{message}"):
@@ -162,36 +140,29 @@ def test_peak_rms_and_the_tightest_place_of_the_reference_motion(robot, motion):
     assert (place.joint, place.quantity, place.time) == (1, "torque", 9)
     assert place.share == share[1] and place.left == 1 - place.share
     np.testing.assert_array_equal(report.to_stop, np.inf)
-    assert set(report.share) == {"torque", "speed"}
-
-
-def test_a_limit_of_speed_or_acceleration_can_be_the_tightest(robot, motion):
-    limited = dataclasses.replace(
-        robot,
-        velocity_limit=np.array([2.5, np.inf, np.inf, np.inf]),
-        acceleration_limit=np.array([np.inf, 3.1, np.inf, np.inf]),
-    )
-    speed, acceleration = (margins(limited, motion).tightest(k) for k in (0, 1))
+    limits = {"velocity_limit": [2.5, 9, 9, 9], "acceleration_limit": [9, 3.1, 9, 9]}
+    limits = {name: np.array(limit) for name, limit in limits.items()}
+    limited = margins(dataclasses.replace(robot, **limits), motion)
+    speed, acceleration = limited.tightest(0), limited.tightest(1)
     assert (speed.quantity, acceleration.quantity) == ("speed", "acceleration")
     assert (speed.share, acceleration.share) == pytest.approx((2.4 / 2.5, 3 / 3.1))
-    assert 5.833 <= speed.time <= 20
 
 
 def test_positions_are_measured_to_both_limits_or_a_single_one(robot, motion):
-    degrees = np.degrees(motion.q)
+    pitch, yaw = np.degrees(motion.q[:, 2:]).T
     lower, upper = np.full((2, 4), np.inf) * [[-1], [1]]
     lower[2], upper[2] = np.radians([-12, 4])  # the middle is -4, 8 deg to either side
     upper[3] = np.radians(20)  # from the start, at 0
     limited = dataclasses.replace(robot, position_lower=lower, position_upper=upper)
     report = margins(limited, motion)
-    farthest = max(-4 - degrees[:, 2].min(), degrees[:, 2].max() + 4) / 8
-    expected = [0, 0, farthest, degrees[:, 3].max() / 20]
-    np.testing.assert_allclose(report.share["position"].max(axis=0), expected, rtol=1e-9)
-    to_stop = min(degrees[:, 2].min() + 12, 4 - degrees[:, 2].max())
-    np.testing.assert_allclose(np.degrees(report.to_stop[2:]), [to_stop, 20 - degrees[:, 3].max()])
+    farthest = max(-4 - pitch.min(), pitch.max() + 4) / 8
+    share = report.share["position"].max(axis=0)
+    np.testing.assert_allclose(share, [0, 0, farthest, yaw.max() / 20], rtol=1e-9)
+    to_stop = [min(pitch.min() + 12, 4 - pitch.max()), 20 - yaw.max()]
+    np.testing.assert_allclose(np.degrees(report.to_stop[2:]), to_stop)
     lower[3], upper[3] = np.radians(-20), np.inf  # that alone, from the start
     share = margins(limited, motion).share["position"][:, 3].max()
-    assert share == pytest.approx(-degrees[:, 3].min() / 20, rel=1e-9)
+    assert share == pytest.approx(-yaw.min() / 20, rel=1e-9)
     lower[3] = motion.q[0, 3]  # it starts at the limit: no margin
     below = margins(limited, motion)
     assert below.share["position"][0, 3] == 1 and below.smallest.left <= 0
@@ -199,15 +170,13 @@ def test_positions_are_measured_to_both_limits_or_a_single_one(robot, motion):
 
 def test_an_envelope_takes_torque_from_driving_but_not_from_braking(robot):
     motion = sampled(alone(knots([0, 0], [2, 1], [4, 1], [6, 0])))
-    drive = Drive(n1=[33.6, 9, 9, 9], n0=[100.8, 99, 99, 99])  # joint 1: 0.5 and 1.5 rad/s
-    report = margins(as_driven(robot, drive), motion)
+    report = margins(falling(robot, 0.5, 1.5), motion)
     left = np.clip((1.5 - motion.v[:, 0]) / 1.0, 0, 1)
     np.testing.assert_allclose(report.highest[:, 0], 13655.04 * left)
     np.testing.assert_allclose(report.lowest[:, 0], -13655.04)
     share, plain = (report.share[name][:, 0] for name in ("torque at speed", "torque"))
     driving = report.torque[:, 0] > 0
-    np.testing.assert_allclose(share[driving], (plain / left)[driving])
-    np.testing.assert_array_equal(share[~driving], plain[~driving])
+    np.testing.assert_allclose(share, np.where(driving, plain / left, plain))
     place = report.tightest(0)
     assert place.quantity == "torque at speed" and place.time == pytest.approx(1.995)
 

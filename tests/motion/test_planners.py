@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from motions import distance, least_time
+from motions import least_time
+from scipy.spatial import cKDTree
 from strategies import profiles, robots
 
 from sdt_drake.io.errors import InputError
@@ -31,8 +32,6 @@ def weak_robots(draw, most, **options):
         "effort_limit": holding + share * np.maximum(torque - holding, 0) + 1e-2,
         "velocity_limit": speed * np.abs(commanded.v).max(axis=0) + 1e-2,
         "acceleration_limit": acceleration * np.abs(commanded.vd).max(axis=0) + 1e-1,
-        "position_lower": np.full(robot.n, -np.inf),
-        "position_upper": np.full(robot.n, np.inf),
     }
     return dataclasses.replace(robot, **limits), command, commanded
 
@@ -57,7 +56,7 @@ def test_retiming_keeps_all_limits_and_the_path(case):
     assert np.all(np.abs(later) <= robot.effort_limit + 2e-6)
     off = np.linalg.norm(motion.vd, axis=1).max() * PERIOD**2 / 4
     fine = commanded_motion(robot, command, PERIOD / 50)
-    assert distance(motion.q, fine.q) <= off + 5e-4
+    assert cKDTree(fine.q).query(motion.q)[0].max() <= off + 5e-4
     for end in (0, -1):
         np.testing.assert_allclose(motion.q[end], commanded.q[end], atol=off + 1e-6)
         np.testing.assert_allclose(motion.v[end], 0, atol=1e-9)
