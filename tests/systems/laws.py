@@ -133,7 +133,7 @@ def torque_loop(x, tau_limited):
     return {"tau": tau}, 2 * np.pi * 300 * (given - tau) / LIMIT / 100
 
 
-case("TorqueLoop")(lambda x, tau_limited: ({"tau": tau_limited}, None))
+case("TorqueLoop", tolerance=0)(lambda x, tau_limited: ({"tau": tau_limited}, None))
 case("TorqueLoop", "with error", error=ERROR)(torque_loop)
 case("TorqueLoop", "with lag", bandwidth=300.0, error=ERROR, feedthrough=set())(torque_loop)
 

@@ -8,33 +8,19 @@ import numpy as np
 import pytest
 from alone import Alone
 from owners import RATE_TABLE, SEVEN, SIX
-from robots import ARM
+from pydrake.math import RigidTransform
+from robots import ARM, loaded
 
-from sdt_drake.robot.robot import load_robot
 from sdt_drake.systems import RobotDrawing
 from sdt_drake.systems.skeleton import bones, skeleton
 
 
-@pytest.fixture
-def own(tmp_path):
-    def load(text: str):
-        path = tmp_path / ("own.sdf" if "<sdf" in text else "own.urdf")
-        path.write_text(text, encoding="utf-8")
-        return load_robot(path)
-
-    return load
-
-
-@pytest.fixture
-def parts(own):
-    def drawn(text: str):
-        robot = own(text)
-        poses = dict(zip(bones(robot).links, bones(robot).poses, strict=True))
-        found = list(skeleton(robot))
-        at = {p.name: poses[p.link] @ p.pose if p.link else p.pose for p in found}
-        return robot, {p.name: p for p in found}, at
-
-    return drawn
+def parts(text: str):
+    """A robot, the parts of its skeleton by name, and their poses at q = 0."""
+    robot = loaded(text, ".urdf")
+    poses = {"": RigidTransform(), **dict(zip(bones(robot).links, bones(robot).poses, strict=True))}
+    found = {part.name: part for part in skeleton(robot)}
+    return robot, found, {name: poses[p.link] @ p.pose for name, p in found.items()}
 
 
 def test_meshcat_shows_the_links_where_they_are(robot, meshcat):
@@ -52,19 +38,19 @@ def test_meshcat_shows_the_links_where_they_are(robot, meshcat):
         np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, pose, atol=1e-12)
 
 
-def test_a_robot_without_shapes_is_drawn_as_its_skeleton(own, meshcat):
-    drawing = RobotDrawing(robot=own(ARM), meshcat=meshcat)
-    inspector = drawing.scene_graph.model_inspector()
+def test_a_robot_without_shapes_is_drawn_as_its_skeleton(meshcat):
+    inspector = RobotDrawing(robot=loaded(ARM), meshcat=meshcat).scene_graph.model_inspector()
     middles = {
         inspector.GetName(part).rpartition("::")[2]: inspector.GetPoseInFrame(part).translation()
         for part in inspector.GetAllGeometryIds()
     }
     assert middles.keys() == {f"{x}_{k}" for x in ("joint", "rod", "axis", "tip") for k in (0, 1)}
-    np.testing.assert_allclose(middles["rod_0"], [0.4, 0, 0], atol=1e-12)  # of 0.8 m
-    np.testing.assert_allclose(middles["rod_1"], [0.15, 0, 0], atol=1e-12)  # to its centre of mass
+    # Of 0.8 m, and to the centre of mass of the last link.
+    rods = [middles["rod_0"], middles["rod_1"]]
+    np.testing.assert_allclose(rods, [[0.4, 0, 0], [0.15, 0, 0]], atol=1e-12)
 
 
-def test_axes_that_meet_are_rings_within_each_other(parts):
+def test_axes_that_meet_are_rings_within_each_other():
     """As large as the radii of gyration: sqrt(34 / 180), sqrt(9 / 85) and sqrt(3 / 60) m."""
     robot, found, at = parts(RATE_TABLE)
     radii = np.sqrt([34 / 180, 9 / 85, 3 / 60])
@@ -83,7 +69,7 @@ def test_axes_that_meet_are_rings_within_each_other(parts):
 
 
 @pytest.mark.parametrize("text", [RATE_TABLE, SIX, SEVEN], ids=["3", "6", "7"])
-def test_arrows_point_along_the_axes_and_rods_go_from_joint_to_joint(parts, text):
+def test_arrows_point_along_the_axes_and_rods_go_from_joint_to_joint(text):
     robot, found, at = parts(text)
     places = [robot.joint_at_zero(name) for name in robot.joint_names]
     for k, (axis, origin) in enumerate(places):
@@ -93,11 +79,11 @@ def test_arrows_point_along_the_axes_and_rods_go_from_joint_to_joint(parts, text
         np.testing.assert_allclose(at[f"axis_{k}"].rotation().matrix()[:, 2], axis, atol=1e-9)
     if text == SIX:
         half = np.array([0, 0, found["rod_2"].shape.length() / 2])
-        np.testing.assert_allclose(at["rod_2"] @ -half, places[2][1], atol=1e-9)
-        np.testing.assert_allclose(at["rod_2"] @ half, places[3][1], atol=1e-9)
+        ends = [at["rod_2"] @ -half, at["rod_2"] @ half]
+        np.testing.assert_allclose(ends, [places[2][1], places[3][1]], atol=1e-9)
 
 
-def test_rings_on_an_arm_are_smaller_than_its_rods(parts):
+def test_rings_on_an_arm_are_smaller_than_its_rods():
     """Published inertias of light wrists may have any radius of gyration."""
     heavy = SIX.replace('ixx="0.00033" iyy="0.00033" izz="0.00033"', 'ixx="1" iyy="1" izz="1"')
     assert heavy != SIX

@@ -69,27 +69,26 @@ def test_a_design_weights_the_torque_of_its_model_and_not_its_friction(designed,
 
 
 def test_torques_are_evaluated_for_a_new_reference_and_for_nothing_else(robot, calls):
-    block = Alone("LoadTorque", robot)
+    block, other = Alone("LoadTorque", robot), Alone("LoadTorque", robot)
     first, second = RNG.normal(size=(2, 12))
-    block.give(reference=first)
+    expected = torques(block, first)
     for time in (0.0, 1.7):
-        for name in PORTS:
-            block.output(name)
-            block.context.SetTime(time + 1)
-            block.context.SetAccuracy(1e-3 / (1 + time))
+        block.context.SetTime(time + 1)
+        block.context.SetAccuracy(1e-3 / (1 + time))
+        np.testing.assert_array_equal([block.output(name) for name in PORTS], expected)
     assert len(calls) == 1
-    torques(block, second)
+    # Another context of the same block, and a copy of one, are on their own.
+    other.system, other.context = block.system, block.context.Clone()
+    torques(other, second)
+    np.testing.assert_array_equal([block.output(name) for name in PORTS], expected)
     np.testing.assert_array_equal(calls, [first, second])
 
 
-@pytest.mark.parametrize(
-    ("scenario", "kind", "blocks"),
-    [("axis_pi_ctc", "pi_ctc", 1), ("coupled_pi_ctc", "pi_id", 2)],
-)
-def test_torques_are_evaluated_once_per_sample_in_a_run(designed, scenario, kind, blocks, calls):
-    fields = {"inverse_dynamics": "online", "controller.kind": kind}
-    # With a disturbance the loop depends on time.
-    design = designed(scenario, fields | {"disturbance.amplitude": 0.05}, start=2.1, end=2.4)
+def test_torques_are_evaluated_once_per_sample_in_a_run(designed, calls):
+    # With a disturbance the loop depends on time. Both the load torque and the feedforward use it.
+    fields = {"inverse_dynamics": "online", "controller.kind": "pi_id"}
+    fields |= {"disturbance.amplitude": 0.05}
+    design = designed("coupled_pi_ctc", fields, start=2.1, end=2.4)
     motion = design.motion
     calls.clear()
     simulate(design)
@@ -97,23 +96,7 @@ def test_torques_are_evaluated_once_per_sample_in_a_run(designed, scenario, kind
     counts = [np.sum((calls == reference).all(axis=1)) for reference in references]
     assert len(calls) == sum(counts)
     # The start takes the first sample, too; the last acts after the end.
-    assert counts[1:] == [blocks] * (len(counts) - 2) + [0]
-    assert blocks <= counts[0] <= 2 * blocks
-
-
-def test_contexts_do_not_disturb_each_other(robot):
-    references = RNG.normal(size=(3, 12))
-    alone = [torques(Alone("LoadTorque", robot), reference) for reference in references]
-    blocks = [Alone("LoadTorque", robot) for _ in range(3)]
-    system = blocks[0].system
-    blocks[1].system, blocks[1].context = system, system.CreateDefaultContext()
-    torques(blocks[0], references[0])
-    blocks[2].system, blocks[2].context = system, blocks[0].context.Clone()  # as computed
-    for block, reference in zip(blocks, references, strict=True):
-        block.give(reference=reference)
-    for k, name in enumerate(PORTS):  # by port, so that the contexts take turns
-        for block, expected in zip(blocks, alone, strict=True):
-            np.testing.assert_array_equal(block.output(name), expected[k], err_msg=name)
+    assert counts[1:] == [2] * (len(counts) - 2) + [0] and 2 <= counts[0] <= 4
 
 
 def test_blocks_and_simulators_outlive_their_robot_and_design(robot, designed):
