@@ -18,9 +18,7 @@ from sdt_drake.motion import (
     plan_motion,
     retime,
 )
-from sdt_drake.motion.command import Course
 from sdt_drake.motion.segments import Oscillation
-from sdt_drake.motion.spin import spin_geometry
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +62,8 @@ def test_another_number_of_joints_is_refused_and_does_not_end_the_process(robot,
 
 def test_a_joint_that_starts_or_ends_in_motion_is_named_with_its_speed(robot):
     motion = sampled(alone(knots([0, 0.5], [1, 0], [2, -0.25])))
-    assert [text.split("'")[2] for text in ends_in_motion(robot, motion)] == [
-        " starts at 0.5 rad/s",
-        " ends at -0.25 rad/s",
-    ]
+    starts, ends = ends_in_motion(robot, motion)
+    assert "starts at 0.5 rad/s" in starts and "ends at -0.25 rad/s" in ends
 
 
 # --- what a period can show ------------------------------------------------------------------
@@ -104,22 +100,13 @@ def test_a_command_too_fast_for_the_period_is_refused_with_the_lost_angle(robot,
     assert reported == pytest.approx(np.degrees(lost), rel=0.02)
 
 
-def test_a_short_alignment_is_refused_though_its_speed_is_0_at_both_ends(robot):
-    ramp = Course(np.array([0, 1.001, 1.004, 2]), np.array([0, 0, 1.0, 1.0]), np.array([True] * 3))
-    geometry = spin_geometry(robot, "planetary", "roll", "here")
-    with pytest.raises(InputError, match=r"joint 2 'roll' .* loses"):
-        whole = dataclasses.replace(alone(ramp), alignment=(1, ramp, geometry))
-        commanded_motion(robot, whole, PERIOD)
-
-
 @pytest.mark.parametrize(
     "joint, message",
     [
-        (knots([0, 0], [5, 0], [5.005, 9e3], [10, 0]), r"1.8e\+06 rad/s², .* 1e\+06"),
         (knots([0, 9e3], [200, 9e3]), r"1e\+06 rad, .* 1e\+06 rad"),
         (swing(1e308, 0.001), "nan rad/s"),
     ],
-    ids=["acceleration", "angle", "no number"],
+    ids=["angle", "no number"],
 )
 def test_an_implausible_command_is_refused(robot, joint, message):
     with pytest.raises(InputError, match=rf"'alone': joint 2 'roll' at .* commanded .*{message}"):

@@ -19,7 +19,7 @@ from motions import (
 from robots import ARM, loaded
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.motion import Command, Motion, plan_motion, retime
+from sdt_drake.motion import plan_motion, retime
 from sdt_drake.motion import retiming as module
 
 A_1 = LIMITS[0] / INERTIA_1  # rad/s²; what joint 1 can do alone
@@ -72,14 +72,6 @@ def test_viscous_friction_slows_down_only_where_it_takes_the_torque():
     ways = (tau * up - J * v) / d + (J * v - tau * down) / d
     expected = up + down + (6.2 - ways) / v
     assert plan.motion.duration == pytest.approx(expected, rel=0.015)
-
-
-def test_a_slow_motion_is_found_however_often_its_timing_is_corrected(robot):
-    v = np.zeros((201, 4))
-    v[:, 0] = 2 * np.sin(np.linspace(0, np.pi, 201)) ** 2  # ends at round-off
-    smooth = Command.of_motion("smooth", Motion.from_speeds(0.005, np.zeros(4), v))
-    plan = retime(robot, smooth, torque_margin=3e-3)
-    assert 60 < plan.motion.duration < 100 and plan.peak_use(robot)[0] < 3.001e-3
 
 
 # --- refused paths ---------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Torques of the reference online: feedforward of a design, and when they are evaluated."""
+"""Torques of the reference online: when they are evaluated."""
 
 import dataclasses
 import gc
@@ -7,25 +7,18 @@ import numpy as np
 import pytest
 from alone import Alone
 
-from sdt_drake.robot.deviation import Deviation
-from sdt_drake.robot.device import Friction
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator, simulate
 from sdt_drake.systems import load_torque as module
-from sdt_drake.systems.gains import feedforward_torque
 
 RNG = np.random.default_rng(6)
 PORTS = ("load_torque", "alleviating_torque")
 
 
-def torques(block, reference, ports=PORTS):
+def torques(block, reference):
     block.give(reference=reference)
-    return [block.output(name) for name in ports]
-
-
-def feedforward(model, law):
-    return Alone("ReferenceTorque", model, outputs=("tau_ff",), law=lambda *x: [law(*x)])
+    return [block.output(name) for name in PORTS]
 
 
 @pytest.fixture
@@ -39,33 +32,6 @@ def calls(monkeypatch):
 
     monkeypatch.setattr(module, "groups_of_sample", counted)
     return seen
-
-
-@pytest.mark.parametrize("sign", ["consistent", "printed"])
-@pytest.mark.parametrize("kind", ["none", "ctc", "id"])
-def test_a_design_weights_the_torque_of_its_model_and_not_its_friction(designed, kind, sign):
-    gain = np.array([0.9, 1.1, 0.0, -1.0])
-    fields = {
-        "algorithm": sign,
-        "plant.friction": Friction([300.0] * 4, [20.0] * 4),
-        "controller.kind": "p_pi",
-        "controller.feedforward": kind,
-        "controller.friction_compensation": True,
-        "controller.feedforward_gain": None if kind == "none" else gain.tolist(),
-        "controller.model": Deviation(inertia_scale=1.2),
-    }
-    design = designed("coupled_pi", fields, end=0.1)
-    model = design.model
-    block = feedforward(model, design.feedforward)
-    plain = feedforward(
-        model, lambda groups, v, vd: feedforward_torque(kind, model, groups, vd, sign)
-    )
-    for reference in RNG.normal(size=(5, 12)):
-        v = reference[4:8]
-        of_friction = (300 * np.sign(v) + 20 * v) / model.gear_ratio
-        expected = gain * torques(plain, reference, ["tau_ff"])[0] + of_friction
-        tau_ff = torques(block, reference, ["tau_ff"])[0]
-        np.testing.assert_allclose(tau_ff, expected, rtol=1e-12, atol=1e-9)
 
 
 def test_torques_are_evaluated_for_a_new_reference_and_for_nothing_else(robot, calls):

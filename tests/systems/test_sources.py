@@ -34,15 +34,9 @@ def test_a_reference_is_exact_at_its_samples_and_linear_between():
 
 
 # Offsets of the samples are the delay without its whole periods.
+# 0.035 s are 7 periods, but for the last bit.
 @pytest.mark.parametrize(
-    ("delay", "offset"),
-    [
-        (0.0, 0.0),
-        (3 * PERIOD, 0.0),
-        (0.035, 0.0),  # 7 periods, but for the last bit
-        (0.3 * PERIOD, 0.3 * PERIOD),
-        (0.0499, 0.0049),
-    ],
+    ("delay", "offset"), [(0.0, 0.0), (0.035, 0.0), (0.0015, 0.0015), (0.0499, 0.0049)]
 )
 def test_samples_are_in_force_from_their_arrival_on(delay, offset):
     builder = DiagramBuilder()
@@ -101,10 +95,9 @@ def test_signals_go_to_all_inputs_of_their_name_and_others_come_from_outside():
     ("other", "aliases", "message"),
     [
         (Gain(3.0, 1), {}, "'y0': .* one and of other"),
-        (PassThrough(1), {("other", "y"): "y0"}, "'y0': .* one and of other"),
         (PassThrough(3), {("other", "u"): "y0"}, "other: input 'u' .* 3, expected 1"),
     ],
-    ids=["same name", "same alias", "length"],
+    ids=["same name", "length"],
 )
 def test_ambiguous_signals_are_refused(other, aliases, message):
     with pytest.raises(InputError, match=message):
