@@ -45,20 +45,7 @@ def test_a_joint_that_cannot_accelerate_as_commanded_catches_up_later(robot, acc
     assert plan.angle_lost == pytest.approx([lost, 0, 0, 0], rel=1e-3)
 
 
-def test_torque_that_falls_with_speed_limits_driving_and_not_braking(robot):
-    """From n1 = 0.5 rad/s on v' = a (n0 - v) / (n0 - n1): an exponential towards n0 = 1.7."""
-    apart, corner = 1.7 - 0.5, 1 + 0.5 / A_1
-    what = alone(knots([0, 0], [1, 0], [3, 1.6], [10, 1.6], [13, 0]))
-    plan = plan_motion(falling(robot, 0.5, 1.7), what)
-    time, v = plan.motion.time, plan.motion.v[:, 0]
-    falls = 1.7 - apart * np.exp(-A_1 * (time - corner) / apart)
-    along = np.clip(np.where(time < corner, A_1 * (time - 1), falls), 0, 1.6)
-    np.testing.assert_allclose(v[time < 10], along[time < 10], atol=3e-3)
-    limited, torque = plan.limited[:, 0], plan.torque[:, 0]
-    left = 13655.04 * np.clip((1.7 - v) / apart, 0, 1)
-    np.testing.assert_allclose(torque[limited], left[limited], atol=1e-6)
-    brakes = np.searchsorted(time, 10.1)  # with nine times what is left to drive with
-    assert not limited[brakes:].any() and torque[brakes] < -5 * left[brakes]
+def test_a_speed_beyond_the_no_load_speed_is_refused(robot):
     slow, what = falling(robot, 0.5, 1.5), spin_up([6, 1.6])
     beyond = pytest.raises(InputError, match=r"speed 1\.\S+ rad/s, .* 1\.5 rad/s, .*no-load")
     with beyond:
