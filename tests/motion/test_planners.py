@@ -100,8 +100,9 @@ def test_the_limiter_keeps_all_limits_or_refuses_the_motion(case):
     np.testing.assert_array_equal(motion.q[0], commanded.q[0])
     np.testing.assert_allclose(motion.v[-1], commanded.v[-1], atol=1e-9)
     # A joint is held back by its motor or its acceleration limit, and only then.
-    left = np.minimum(*(np.abs(plan.torque - limit) for limit in robot.torque_range(motion.v)))
-    left = np.minimum(left / robot.effort_limit, 1 - np.abs(motion.vd) / robot.acceleration_limit)
+    of_torque = np.minimum(*(np.abs(plan.torque - x) for x in robot.torque_range(motion.v)))
+    of_acceleration = 1 - np.abs(motion.vd) / robot.acceleration_limit
+    left = np.minimum(of_torque / robot.effort_limit, of_acceleration)
     assert np.all(left[limited] < 1e-4)
     if not limited.any():
         np.testing.assert_allclose(motion.v, commanded.v, atol=1e-12)
