@@ -155,15 +155,6 @@ def test_saturation_is_a_part(designed):
     same(budget.whole, recording.speed_error, 1e-3)
 
 
-def test_envelope_counts_as_saturation(budgets):
-    envelope = Drive(n1=[5.0, 0.1, 1, 1], n0=[30.0, 0.5, 2, 2])
-    (_, free), (_, budget) = budgets("axis_pi", PI), budgets("axis_pi", PI | {"drive": envelope})
-    assert largest(budget.parts["saturation"])[1] > 1e-3
-    for name in ("reference lag", "load"):
-        same(budget.parts[name], free.parts[name])
-    same(budget.remainder, 0)
-
-
 @pytest.mark.parametrize(
     ("name", "fields", "message"),
     [

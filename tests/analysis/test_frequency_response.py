@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+import itertools
 
 import control
 import numpy as np
@@ -17,7 +17,6 @@ from sdt_drake.analysis.linear import linearise
 from sdt_drake.robot.device import Drive, Elasticity
 
 STRUCTURES = ("pi", "p_in_feedback")
-HALF = np.sqrt(0.5)
 
 
 @pytest.fixture(scope="module")
@@ -84,59 +83,24 @@ def test_numbers_of_the_second_order_loop(damped):
 # --- python-control -----------------------------------------------------------------------------
 
 
-def judged(loop, ahead):
-    """Crossover, phase margin, bandwidth and modulus margin by python-control."""
-    _, margins, _, _, crossings, _ = control.stability_margins(loop, returnall=True)
-    _, _, distance, _, _, _ = control.stability_margins(loop)
-    closed = control.minreal(ahead / (1 + loop), verbose=False)
-    bandwidth = control.bandwidth(closed, dbdrop=20 * np.log10(HALF))
-    return max(crossings), np.abs(margins).min(), bandwidth, distance
-
-
-@pytest.mark.parametrize(("structure", "bandwidth"), [("pi", None), ("p_in_feedback", 20.0)])
-def test_margins_are_those_of_python_control(designed, structure, bandwidth):
-    drive = Drive(torque_bandwidth=bandwidth, torque_error=[0.1, 0, -0.1, 0])
-    design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
-    response = frequency_response(design, points=1000)
-    for k in (0, 2):
-        lag = 0.0 if bandwidth is None else 1 / (2 * np.pi * bandwidth)
-        process = control.tf(
-            [1 + drive.torque_error[k]], [design.i_eff[k] * lag, design.i_eff[k], 0]
-        )
-        kp, ki = design.gains.kp[k], design.gains.ki[k]
-        both = control.tf([kp, ki], [1, 0])
-        first = both if structure == "pi" else control.tf([ki], [1, 0])
-        loop = both * process
-        crossover, margin, width, distance = judged(loop, first * process)
-
-        _, plain, _, at = control.margin(loop)
-        assert (plain, at) == pytest.approx((margin, crossover), rel=1e-6)
-        assert response.crossover[k] == pytest.approx(crossover, rel=1e-4)
-        assert response.phase_margin[k] == pytest.approx(margin, abs=0.01)
-        assert response.bandwidth[k] == pytest.approx(width, rel=1e-3)
-        if np.isfinite(distance):  # python-control finds none where the loop keeps off -1
-            assert response.modulus_margin[k] == pytest.approx(distance, rel=1e-4)
-
-
-def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
-    """The resonance crosses 1 again: the smallest margin counts, and the last crossing."""
-    damping = 0.002
-    design = designed("axis_pi", {"plant.elasticity": Elasticity([OMEGA_R] * 4, damping, "link")})
-    response = frequency_response(design, points=4_000)
-    several = 0
-    for k in (0, 1):
-        rotor, inertia = ROTORS[k], design.i_eff[k]
-        speed, below = two_mass_polynomials(rotor, inertia - rotor, OMEGA_R, damping)
-        gain = control.tf(
-            np.polymul([design.gains.kp[k], design.gains.ki[k]], speed["link"]),
-            np.polymul([1, 0], below),
-        )
-        same(response.loop_gain[:, k], gain(1j * response.omega), 1e-6)
-        _, margins, _, _, crossings, _ = control.stability_margins(gain, returnall=True)
-        several += len(crossings) > 1
+@pytest.mark.parametrize("elastic", [False, True])
+def test_margins_are_those_of_python_control(designed, elastic):
+    """With a resonance the loop gain crosses 1 again: the worst crossing counts."""
+    drive = Drive(torque_bandwidth=None if elastic else 20.0)
+    fields = {"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.002, "link")} if elastic else {}
+    design = designed("axis_pi", fields | {"drive": drive})
+    response = frequency_response(design, points=3000)
+    for k, inertia in enumerate(design.i_eff[:2]):
+        above, below = [1.0], np.polymul([inertia, 0], [1 / (2 * np.pi * 20), 1])
+        if elastic:
+            speed, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R, 0.002)
+            above = speed["link"]
+        pi = control.tf([design.gains.kp[k], design.gains.ki[k]], [1, 0])
+        loop = pi * control.tf(above, below)
+        _, margins, _, _, crossings, _ = control.stability_margins(loop, returnall=True)
+        same(response.loop_gain[:, k], loop(1j * response.omega), 1e-6)
         assert response.crossover[k] == pytest.approx(max(crossings), rel=1e-4)
         assert response.phase_margin[k] == pytest.approx(np.abs(margins).min(), abs=0.1)
-    assert several
 
 
 # --- sampled drives -----------------------------------------------------------------------------
@@ -145,7 +109,7 @@ def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
 @pytest.mark.parametrize("structure", STRUCTURES)
 @pytest.mark.parametrize(
     ("period", "bandwidth", "increments"),
-    [(0.001, 100.0, None), (0.005, None, None), (0.001, None, 4096.0)],
+    [(0.005, 100.0, None), (0.001, None, 4096.0)],
 )
 def test_sampled_loop_is_the_z_transfer_function(
     designed, structure, period, bandwidth, increments
@@ -175,16 +139,15 @@ def test_sampled_loop_is_the_z_transfer_function(
     assert response.omega[-1] == pytest.approx(min(np.pi / period, 100 * design.omega_n.max()))
 
 
-@pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
-def test_too_slow_a_drive_is_unstable(designed, share, stable):
+def test_too_slow_a_drive_is_unstable(designed):
     # (z - 1)² + a (z - 1) + b: z = -1 is reached at a = 2 + b / 2, with a = K_PS T / I.
     inertia, T, b = 100.0, 0.005, 0.1
-    kp = share * (2 + b / 2) * inertia / T
-    gains = {"kp": [kp] * 4, "ki": [b * inertia / T**2] * 4, "omega_r": None, "zeta": None}
+    kp = np.array([0.98, 1.02, 0.98, 1.02]) * (2 + b / 2) * inertia / T
+    gains = {"kp": kp.tolist(), "ki": [b * inertia / T**2] * 4, "omega_r": None, "zeta": None}
     fields = {"plant.i_eff": [inertia] * 4, "drive": Drive(period=T)} | kind("pi", **gains)
 
     response = frequency_response(designed("axis_pi", fields), points=30)
-    assert response.stable.tolist() == [stable] * 4
+    assert response.stable.tolist() == [True, False, True, False]
 
 
 def fastest_growth(loop, k, factor):
@@ -198,21 +161,20 @@ def fastest_growth(loop, k, factor):
 
 
 @pytest.mark.parametrize(
-    ("fields", "shows"),
+    "fields",
     [
-        ({"drive": Drive(period=0.001, encoder_resolution=[2.0**22] * 4)}, "gain_margin"),
-        (kind("inverse_dynamics"), "gain_margin"),
-        (kind("p_pi"), "gain_margin"),
-        (kind("p_pi") | {"drive": Drive(period=0.001)}, "gain_margin"),
-        ({"plant.elasticity": Elasticity([300.0] * 4, 0.05, "link")}, "gain_margin"),
+        {"drive": Drive(period=0.001, encoder_resolution=[2.0**22] * 4)},
+        kind("inverse_dynamics"),
+        kind("p_pi") | {"drive": Drive(period=0.001)},
+        {"plant.elasticity": Elasticity([300.0] * 4, 0.05, "link")},
     ],
 )
-def test_gain_margins_are_where_a_mode_comes_to_its_stability_limit(designed, fields, shows):
+def test_gain_margins_are_where_a_mode_comes_to_its_stability_limit(designed, fields):
     design = designed("coupled_pi", fields)
     response = frequency_response(design, points=700)
     for k in range(4):
         loop = linearise(design, int(response.sample[k]))
-        factor = getattr(response, shows)[k]
+        factor = response.gain_margin[k]
         if np.isinf(factor):  # of the springs alone, joints 3 and 4
             assert "plant.elasticity" in fields and k >= 2
             continue
@@ -235,28 +197,18 @@ def test_less_gain_does_not_hold_what_gravity_overturns(designed):
 # --- the coupled plant --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sample", [0, 4776])
-def test_coupled_loop_gain_has_the_others_closed(designed, sample):
+def test_each_joint_is_judged_at_its_largest_inertia_with_the_other_loops_closed(designed):
     design = designed("coupled_pi")
-    response = frequency_response(design, sample=sample, points=60)
-    M, K = matrices(design.robot, design.motion.q[sample])
+    response = frequency_response(design, points=60)
     s = 1j * response.omega
     per_speed = (design.gains.kp + design.gains.ki / s[:, None]) * R**2  # joint side
-    for k in range(4):
+    for k, sample in enumerate(response.sample):
+        assert design.torques.d_kk[sample, k] == pytest.approx(design.torques.d_kk[:, k].max())
+        M, K = matrices(design.robot, design.motion.q[sample])
         closed = per_speed * (np.arange(4) != k)
         A = M * s[:, None, None] ** 2 + K + s[:, None, None] * np.eye(4) * closed[:, None, :]
         v = s * np.linalg.inv(A)[:, k, k]
         np.testing.assert_allclose(response.loop_gain[:, k], per_speed[:, k] * v, rtol=1e-5)
-
-
-def test_by_default_each_joint_is_judged_at_its_largest_inertia(designed):
-    design = designed("coupled_pi")
-    response = frequency_response(design, points=30)
-    for k, sample in enumerate(response.sample):
-        assert design.torques.d_kk[sample, k] == pytest.approx(design.torques.d_kk[:, k].max())
-        own = frequency_response(design, sample=int(sample), points=30)
-        np.testing.assert_array_equal(response.tracking[:, k], own.tracking[:, k])
-        np.testing.assert_array_equal(response.loop_gain[:, k], own.loop_gain[:, k])
 
 
 # --- edges --------------------------------------------------------------------------------------
@@ -291,17 +243,10 @@ def test_unwrapped_phase_has_no_jumps_and_is_that_of_the_response(rng):
 def test_written_responses_read_back(damped, tmp_path):
     _, response = damped["pi"]
     response.results("").write(tmp_path / "bode.csv")
-    with (tmp_path / "bode.csv").open() as file:
-        header, *rows = csv.reader(file)
-    columns = dict(zip(header, np.array(rows, dtype=float).T, strict=True))
-
-    np.testing.assert_array_equal(columns.pop("omega"), response.omega)
-    for name in ("tracking", "loop_gain"):
-        for k in range(4):
-            size, phase = (
-                columns.pop(f"{name}_magnitude_{k + 1}"),
-                columns.pop(f"{name}_phase_{k + 1}"),
-            )
-            back = size * np.exp(1j * np.radians(phase))
-            np.testing.assert_allclose(back, getattr(response, name)[:, k], rtol=1e-12)
-    assert header[0] == "omega" and columns == {}
+    columns = np.genfromtxt(tmp_path / "bode.csv", delimiter=",", names=True)
+    np.testing.assert_array_equal(columns["omega"], response.omega)
+    for name, k in itertools.product(("tracking", "loop_gain"), range(4)):
+        phase = np.radians(columns[f"{name}_phase_{k + 1}"])
+        back = columns[f"{name}_magnitude_{k + 1}"] * np.exp(1j * phase)
+        np.testing.assert_allclose(back, getattr(response, name)[:, k], rtol=1e-12)
+    assert len(columns.dtype) == 17

@@ -4,12 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from strategies import GENERATORS
 from test_findings import rows_of_table
 
 from sdt_drake.analysis.illusions import (
-    LEVELS,
     PERIOD,
     Illusion,
     feel,
@@ -24,7 +21,7 @@ from sdt_drake.analysis.illusions import (
 )
 from sdt_drake.analysis.pilots import Feeling, differences, draw_pilots, feelings
 from sdt_drake.io.resources import find_file
-from sdt_drake.motion import IntendedIllusion, load_plan, shipped_motions
+from sdt_drake.motion import IntendedIllusion, shipped_motions
 from sdt_drake.robot.head import head_motion, head_motion_of_samples
 from sdt_drake.systems import load_perception
 
@@ -56,22 +53,6 @@ def test_a_head_at_rest_is_felt_as_it_is_and_by_every_pilot(robot):
         assert illusions(felt, head) == []
     assert true_attitude(held(robot, [0, 0.4, 0, 0]))[0][0] == pytest.approx(0.4)  # to the right
     assert [own.count for own in feelings(None, head, PERIOD, "clark2019", 2)] == [0] * 5
-
-
-@settings(max_examples=3)
-@given(GENERATORS)
-def test_turning_the_world_about_the_vertical_changes_nothing(robot, rng):
-    time = PERIOD * np.arange(200)
-    q = np.outer(np.sin(time), [0, *rng.uniform(-0.5, 0.5, 3)])
-    first, other = (
-        head_motion_of_samples(robot, PERIOD, turned, np.gradient(turned, PERIOD, axis=0))
-        for turned in (q, q + rng.uniform(-3, 3) * np.eye(4)[0])
-    )
-    felt = [feel(head, PERIOD, "slow_yaw") for head in (first, other)]
-    usual, turned = (quantities(*pair) for pair in zip(felt, (first, other), strict=True))
-    for name in LEVELS:
-        np.testing.assert_allclose(turned[name], usual[name], atol=1e-3)
-    assert max(felt_apart(*felt)) < 1e-3
 
 
 def test_an_illusion_has_its_peak_start_and_end(robot):
@@ -125,15 +106,6 @@ def test_the_table_of_findings_is_what_is_predicted(robot, k):
     level = 2.5 if "rate" in felt else 1.7
     assert found.is_predicted(SETS[k % 4]) == (abs(found.predicted[SETS[k % 4]]) > level)
     assert (min(abs(float(value)) for value in values) > level) == (name != "g_excess")
-
-
-@pytest.mark.parametrize("name", ["graveyard_spin", "post_roll"])
-def test_an_illusion_after_a_stop_is_looked_for_after_it(robot, name):
-    meant = illusion_of(name)
-    motion = load_plan(name, robot, period=PERIOD).motion
-    after = motion.time >= meant.start
-    assert not motion.v[after].any() and motion.v[~after][-3:].any()
-    assert meant.end <= motion.duration
 
 
 def test_the_force_hides_the_bank_of_the_leans_until_the_roll_upright(robot):

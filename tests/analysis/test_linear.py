@@ -114,11 +114,6 @@ def test_state_space_is_that_of_python_control(rng, n, period):
     np.testing.assert_allclose(y[:, 0], expected, atol=1e-7)
 
 
-def test_response_without_states_is_a_gain():
-    gain = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), np.array([[3.0, -4.0]]))
-    np.testing.assert_array_equal(gain.response(OMEGA), np.full((60, 1, 2), [3.0, -4.0]))
-
-
 @pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
 def test_step_of_a_sampled_loop_is_the_recursion(designed, structure):
     T = 0.005
@@ -138,21 +133,6 @@ def test_step_of_a_sampled_loop_is_the_recursion(designed, structure):
 
 
 # --- processes ----------------------------------------------------------------------------------
-
-
-def test_axis_process_is_an_inertia(designed):
-    design = designed(
-        "axis_pi", {"drive": Drive(torque_bandwidth=50.0, torque_error=[0.1, 0, 0, 0])}
-    )
-    P = linear_process(design).response(OMEGA)
-    s = 1j * OMEGA
-    lag = 1 / (1 + s / (2 * np.pi * 50))
-    for k in range(4):
-        v = (1.1 if k == 0 else 1) * lag / (design.i_eff[k] * R[k] * s)
-        for first in (0, 8):  # measured, state
-            same(P[:, first + k, k], v / s)
-            same(P[:, first + 4 + k, k], v)
-    assert np.count_nonzero(np.abs(P).max(axis=0)) == 16  # no coupling
 
 
 def matrices(robot, q):

@@ -1,7 +1,5 @@
 """The observer of orientation against closed forms, its symmetries, and published numbers."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from alone import FEELING
@@ -12,7 +10,7 @@ from strategies import GENERATORS
 
 import sdt_drake as sdt
 from sdt_drake.analysis import orientation
-from sdt_drake.analysis.orientation import CAUTION, attitude, perceive
+from sdt_drake.analysis.orientation import perceive
 from sdt_drake.systems import load_perception
 
 G = 9.81
@@ -102,22 +100,6 @@ def test_a_start_with_tilt_and_turn_has_lasted_for_long():
     np.testing.assert_allclose(felt.rate, 0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("field", "value"), [("k_w", 2.0), ("tau", 3.0), ("tau_a", 40.0)])
-def test_gains_and_time_constants_are_those_of_the_axis(field, value):
-    """A rotation about y under 1 G along y depends on the second of each three alone."""
-    time, force, rate = head(10, 0.02)
-    force[:] = G * np.eye(3)[1]
-    rate[51:, 1] = 1.0
-    usual = load_perception("clark2019")
-    own = getattr(usual, field)
-    plain, changed, same = (
-        perceive(time, force, rate, replace(usual, **{field: values})).rate[:, 1]
-        for values in (own, [own[0], value, own[2]], [value, own[1], value])
-    )
-    np.testing.assert_allclose(same, plain, atol=1e-9)
-    assert np.abs(changed - plain)[60:].max() > 0.01
-
-
 def test_agrees_with_the_law_integrated_by_hand():
     """Runge-Kutta of fourth order on the law of the block's own test, with gains by axis."""
     time, force, rate = flight(period=0.005, duration=3.0)
@@ -143,16 +125,12 @@ def test_agrees_with_the_law_integrated_by_hand():
 # --- symmetries ---------------------------------------------------------------------------------
 
 
-def test_samples_may_be_finer_uneven_and_start_anywhere():
+def test_samples_may_be_uneven_and_start_anywhere():
     time, force, rate = flight()
     usual = felt_of(perceive(time, force, rate))
-    fine = perceive(*flight(period=0.002))
-    np.testing.assert_allclose(felt_of(fine)[::5], usual, atol=1.5e-2)
-    np.testing.assert_allclose(fine.gravity[::5], usual[:, :3], atol=5e-4)
-    np.testing.assert_allclose(felt_of(perceive(time + 1000, force, rate)), usual, atol=1e-6)
     keep = np.flatnonzero(np.arange(len(time)) % 5 != 2)
-    felt = perceive(time[keep], force[keep], rate[keep])
-    np.testing.assert_array_equal(felt.time, time[keep])
+    felt = perceive(time[keep] + 1000, force[keep], rate[keep])
+    np.testing.assert_array_equal(felt.time, time[keep] + 1000)
     np.testing.assert_allclose(felt_of(felt), usual[keep], atol=2e-2)
 
 
@@ -166,14 +144,6 @@ def test_axes_that_are_turned_or_mirrored_turn_or_mirror_what_is_felt(rng):
     np.testing.assert_allclose(felt.gravity, usual.gravity @ turn.T, atol=2e-4)
     np.testing.assert_allclose(felt.acceleration, usual.acceleration @ turn.T, atol=1e-3)
     np.testing.assert_allclose(felt.rate, np.linalg.det(turn) * usual.rate @ turn.T, atol=1e-3)
-
-
-def test_attitude_is_that_of_the_turned_head():
-    turn = Rotation.from_euler("XY", [[20, 0], [0, -30], [20, -30]], degrees=True)
-    roll, pitch = np.degrees(attitude(turn.inv().apply([0, 0, -1])))
-    np.testing.assert_allclose([roll[0], pitch[0]], [20, 0], atol=1e-9)  # to the right
-    np.testing.assert_allclose([roll[1], pitch[1]], [0, 30], atol=1e-9)  # nose up
-    assert 0 < roll[2] < 90 and 0 < pitch[2] < 90
 
 
 # --- published ----------------------------------------------------------------------------------
@@ -211,16 +181,6 @@ def test_swing_feels_as_the_printed_table_of_rader_says(radial):
 
 
 # --- the result, and bad input ------------------------------------------------------------------
-
-
-def test_result_shows_itself():
-    felt = sdt.perceive(*flight(), model="irmak2023")
-    table = felt.to_pandas()
-    np.testing.assert_array_equal(table["rate_2"], felt.rate[:, 1])
-    assert list(table)[::3] == ["gravity_1", "rate_1", "acceleration_1"]
-    assert "5 s, 501 samples" in repr(felt)
-    figure = felt.plot()
-    assert any(CAUTION in ax.get_title(loc="right") for ax in figure.axes)
 
 
 @pytest.mark.parametrize(

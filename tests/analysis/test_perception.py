@@ -59,12 +59,7 @@ def test_false_sensation_lasts_as_the_two_decays_say(rate, hold):
     omega = np.outer((t > 0) & (t <= hold), [0, 0, np.radians(rate)])
     after = false_sensation_after_stop(omega, H)
     np.testing.assert_allclose(after, [0, 0, brentq(sensed, 0, 30)], atol=3 * H)
-
-
-def test_without_a_stop_there_is_no_time_after_it():
-    turning = np.ones((100, 3))
-    for omega in (turning, 0 * turning, turning * np.radians(2.4) / np.sqrt(3)):
-        assert np.isnan(false_sensation_after_stop(omega, H)).all()
+    assert np.isnan(false_sensation_after_stop(np.ones((100, 3)), H)).all()  # without a stop
 
 
 # --- detectors ----------------------------------------------------------------------------------
@@ -81,19 +76,6 @@ def test_constant_acceleration_is_felt_from_rodenburgs_threshold_on(t):
     rate = 0.22 / (1 - np.exp(-t / 14.5)) * np.arange(0, t + H / 2, H)
     multiples = LONG.multiples(yaw(rate), H)[:, 2]
     assert multiples.argmax() == len(multiples) - 1 and multiples[-1] == pytest.approx(1)
-
-
-# Grabherr et al. 2008: yaw, direction recognised [Hz, deg/s].
-GRABHERR = {0.05: 2.8, 0.1: 2.5, 0.2: 1.7, 0.5: 0.7, 1: 0.6, 2: 0.4, 5: 0.6}
-
-
-def test_the_level_is_the_largest_that_misses_no_bell_that_was_felt():
-    multiples = []
-    for hertz, felt in GRABHERR.items():
-        t = np.arange(0, 1 / hertz + 5, 1e-3)
-        bell = np.where(t < 1 / hertz, (1 - np.cos(2 * np.pi * hertz * t)) / 2, 0)
-        multiples.append(felt * SHORT.multiples(yaw(bell), 1e-3).max())
-    assert min(multiples) == pytest.approx(1, abs=0.01) and max(multiples) < 2
 
 
 @pytest.mark.parametrize("hertz", [0.1, 1])
@@ -144,21 +126,6 @@ def test_quick_rotation_counts_by_the_short_detector_and_a_slow_one_by_the_long(
     expected = 0.3 / (0.22 / (1 - np.exp(-20 / 14.5)))
     assert found[1].largest[2] == pytest.approx(expected, rel=1e-6)
     assert found[1].worst_rotation == ("yaw", found[1].largest[2])
-
-
-@settings(max_examples=5)
-@given(GENERATORS, st.floats(0.1, 10))
-def test_only_the_difference_counts_and_in_proportion(rng, factor):
-    base, off = np.cumsum(rng.normal(size=(2, 1001, 3)), axis=1) * 1e-3
-    first, second, more = (
-        motion(angular_velocity=omega, specific_force=9.81 + omega)
-        for omega in (base, base + off, base + factor * off)
-    )
-    usual = felt_difference(first, second, H).multiples
-    assert not felt_difference(first, first, H).multiples.any() and usual.max() > 0
-    np.testing.assert_allclose(felt_difference(second, first, H).multiples, usual, atol=1e-9)
-    larger = felt_difference(first, more, H).multiples
-    np.testing.assert_allclose(larger, factor * usual, rtol=1e-6, atol=1e-9)
 
 
 def test_share_counts_time_with_any_channel_above_one():

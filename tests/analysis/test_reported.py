@@ -41,6 +41,8 @@ def test_no_set_passes_both(rows):
     said = verdict_of_all(list(rows.values()))
     assert said.startswith("No parameter set passes both") and "gondola turns: none" in said
     assert "yaw decay: irmak2023, rader2009 and slow_yaw" in said
+    both = [judged(1, 1, 1), judged(1, 1, 1, group="gondola turns")]
+    assert verdict_of_all(both).startswith("a pass both")
 
 
 def judged(mean, spread, value, is_range=False, group="yaw decay"):
@@ -61,8 +63,3 @@ def judged(mean, spread, value, is_range=False, group="yaw decay"):
 def test_verdict_is_made_from_the_numbers(row, reported, verdict, cell):
     assert (row.reported, row.cell("a")) == (reported, cell) and verdict in row.verdict("a")
     assert row.passes("a") == verdict.startswith("within")
-
-
-def test_a_set_that_passes_both_is_named():
-    rows = [judged(1, 1, 1), judged(1, 1, 1, group="gondola turns")]
-    assert verdict_of_all(rows).startswith("a pass both")

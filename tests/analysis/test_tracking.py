@@ -12,7 +12,6 @@ from variants import recorded
 from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of, plain_number
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.analysis.tracking import (
-    constant_speed_segments,
     motor_use,
     stops_passed,
     track,
@@ -60,12 +59,6 @@ def test_errors_are_those_of_speeds_and_of_positions_apart(rng):
     assert not tracking.saturated_fraction.any()
 
 
-def test_constant_speed_starts_one_second_after_the_speed_became_constant():
-    steady = constant_speed_segments(MOTION)
-    assert np.flatnonzero(steady[:, 0]).tolist() == list(range(300, 500))
-    assert not steady[:, 1:4].any()
-
-
 def test_saturated_fraction_is_the_share_of_the_time():
     saturated = np.zeros_like(MOTION.v)
     saturated[1:151, 0] = 0.5  # half of a quarter of the periods
@@ -95,15 +88,6 @@ def test_angles_alone_tilt_the_head(robot, joint):
     for felt in (head.felt, head.felt_from_angles):
         assert felt.largest[4] == pytest.approx(expected)
         assert felt.share == (joint is not None) and felt.worst_rotation[1] == 0
-
-
-def test_speeds_alone_are_not_of_the_angles(robot):
-    rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
-    v = 0 * rest.v
-    v[50:, 3] = np.radians(2)
-    head = track_head(recorded(rest, v=v), robot)
-    assert not head.felt_from_angles.multiples.any()
-    assert head.felt.largest[2] > 2 and 0.4 < head.felt.share < 0.6
 
 
 def test_torques_are_those_within_the_periods_and_shares_those_of_the_limits():
