@@ -12,9 +12,7 @@ from figures import check_same_numbers, content_of
 
 from sdt_drake.analysis.perception import canals, felt_difference
 from sdt_drake.analysis.tracking import HeadTracking
-from sdt_drake.io.errors import InputError
 from sdt_drake.motion import PLANNERS, load_plan, shipped_motions, story_of
-from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.robot.head import head_motion_of_samples
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
@@ -35,21 +33,6 @@ def test_both_planners_leave_it_as_it_is_with_motors_to_spare(robot, name):
         np.testing.assert_allclose(plan.motion.v, plan.commanded.v, atol=1e-12)
     motion = limiter.motion
     assert np.abs(motion.v).max() > 0.1 and not motion.v[0].any() and not motion.v[-1].any()
-
-
-@pytest.mark.parametrize("name", ["leans", "post_roll"])
-def test_weaker_motors_make_it_slower_unless_gravity_takes_their_torque(robot, name):
-    free = load_plan(name, robot, period=0.02)
-    share = 0.9 * free.peak_use(robot).max()
-    rest = np.zeros_like(free.motion.q)
-    gravity = np.abs(torque_groups(robot, free.motion.q, rest, rest).gravity)
-    if np.any(gravity > share * robot.effort_limit):
-        with pytest.raises(InputError, match=r"to hold its links.*slowing down does not help"):
-            load_plan(name, robot, period=0.02, planner="retiming", torque_margin=share)
-        return
-    slower = load_plan(name, robot, period=0.02, planner="retiming", torque_margin=share)
-    assert slower.motion.duration > free.motion.duration
-    assert np.all(np.abs(slower.torque) <= share * robot.effort_limit + 1e-6)
 
 
 def test_every_joint_stays_within_a_fifth_of_a_degree():
