@@ -19,7 +19,7 @@ from sdt_drake.analysis.illusions import (
     quantities,
     true_attitude,
 )
-from sdt_drake.analysis.pilots import Feeling, differences, draw_pilots, feelings
+from sdt_drake.analysis.pilots import Feeling, draw_pilots, feelings
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion import IntendedIllusion, shipped_motions
 from sdt_drake.robot.head import head_motion, head_motion_of_samples
@@ -134,9 +134,8 @@ def test_an_own_motion_names_its_illusion(robot, tmp_path):
 # --- pilots -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["clark2019", "slow_yaw"])
-def test_pilots_differ_as_was_published_and_in_nothing_else(name):
-    own = load_perception(name)
+def test_pilots_differ_as_was_published_and_in_nothing_else():
+    own = load_perception("slow_yaw")
     drawn = draw_pilots(own, 3000)
     tau, k_w = (np.array([getattr(pilot, field) for pilot in drawn]) for field in ("tau", "k_w"))
     np.testing.assert_array_equal(tau, np.tile(tau[:, :1], 3))
@@ -151,8 +150,6 @@ def test_pilots_differ_as_was_published_and_in_nothing_else(name):
     for field in ("k_fw", "k_fg", "k_a", "tau_a", "cutoff"):
         assert all(getattr(pilot, field) == getattr(own, field) for pilot in drawn)
     assert draw_pilots(own, 5) == drawn[:5] != draw_pilots(own, 5, seed=1)
-    cupula, yaw, same = differences()
-    assert "Dai" in cupula and "13 to 20 s" in yaw and "k_fg" in same
 
 
 def test_each_pilot_has_the_error_of_his_own_model(robot):
