@@ -1,6 +1,6 @@
 """How long the coupled loop steps, as a ratio to a floor of Drake's own blocks, and how well.
 
-    python tests/benchmarks/bench_coupled_loop.py [--rounds N] [--exact SECONDS]
+    python tests/benchmarks/bench_coupled_loop.py [ROUNDS]
 
 All loops run the reference motion (30 s, logs at 5 ms) with the same integrator. They take turns,
 and the ratio is taken round by round, so a machine that drifts does not matter. The floor is what a
@@ -9,13 +9,12 @@ beforehand, constant limits, nothing in Python. "table" and "online" are PI + CT
 limits; the others are the controllers by name, and the last one a drive and friction.
 
 Beside that: evaluations of the derivatives, the time of one, and the largest error of a speed in
-the first seconds (--exact, 0 to leave it out) against a run with the accuracy 1e-8.
+the first 12 s against a run with the accuracy 1e-8.
 """
 
 from __future__ import annotations
 
-import argparse
-import copy
+import sys
 import time
 from typing import NamedTuple
 
@@ -33,67 +32,59 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 from pydrake.trajectories import PiecewisePolynomial
+from timing import head, row, spread
 
 from sdt_drake.analysis.comparison import design_with
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.loop import Loop, make_loop
-from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.scenario import load_scenario, with_fields
 from sdt_drake.run.simulate import make_simulator
 
 Array = NDArray[np.float64]
 
-TARGETS = {"table": 1.1, "online": 1.5}
-CONTROLLERS = dict.fromkeys(
-    ("pi", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics"), 1.6
-)
-REAL_DEVICE = {"1 ms drive, friction": 8.0}
+CONTROLLERS = ("pi", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
+TARGETS = {"floor": 1.0, "table": 1.1, "online": 1.5, **dict.fromkeys(CONTROLLERS, 1.6)}
+TARGETS["1 ms drive, friction"] = 8.0
+EXACT = 12.0  # s
 
 
 def make_floor(design: Design) -> Diagram:
     """PI + CTC on the MultibodyPlant from Drake's primitives alone, constant limits."""
     robot, motion, gains, n = design.robot, design.motion, design.gains, design.robot.n
     builder = DiagramBuilder()
-    add, connect = builder.AddNamedSystem, builder.Connect
+    add = builder.AddNamedSystem
 
     def held(name, samples):
         table = PiecewisePolynomial.FirstOrderHold(motion.time, samples.T)
         source = add(f"{name}_source", TrajectorySource(table))
         hold = add(name, ZeroOrderHold(motion.period, n))
-        connect(source.get_output_port(), hold.get_input_port())
+        builder.Connect(source.get_output_port(), hold.get_input_port())
         return hold.get_output_port()
 
-    v_ref = held("v_ref", motion.v)
-    tau_ff = held("tau_ff", design.loads.load_torque)
-    plant = add("plant", robot.make_plant())
-    split = add("split", Demultiplexer([n, n]))
-    connect(plant.get_state_output_port(), split.get_input_port())
-    v = split.get_output_port(1)
+    def wire(port, *systems_and_port):
+        *systems, last = systems_and_port
+        for system in systems:
+            builder.Connect(port, system.get_input_port())
+            port = system.get_output_port()
+        builder.Connect(port, last)
 
-    ref_motor = add("ref_motor", Gain(robot.gear_ratio))
-    minus_v_motor = add("minus_v_motor", Gain(-robot.gear_ratio))
-    error = add("error", Adder(2, n))
-    integral = add("integral", Integrator(n))
-    ki, kp = add("ki", Gain(gains.ki)), add("kp", Gain(gains.kp))
+    v_ref, tau_ff = held("v_ref", motion.v), held("tau_ff", design.loads.load_torque)
+    limit, ratio = robot.motor_torque_limit, robot.gear_ratio
+    plant, split = add("plant", robot.make_plant()), add("split", Demultiplexer([n, n]))
+    minus_v_motor, kp = add("minus_v_motor", Gain(-ratio)), add("kp", Gain(gains.kp))
+    error, integral = add("error", Adder(2, n)), add("integral", Integrator(n))
     tau_fb, tau_cmd = add("tau_fb", Adder(2, n)), add("tau_cmd", Adder(2, n))
-    limit = robot.motor_torque_limit
-    saturation = add("saturation", Saturation(-limit, limit))
-    gears = add("gears", Gain(robot.gear_ratio))
-    connect(v_ref, ref_motor.get_input_port())
-    connect(v, minus_v_motor.get_input_port())
-    connect(ref_motor.get_output_port(), error.get_input_port(0))
-    connect(minus_v_motor.get_output_port(), error.get_input_port(1))
-    connect(error.get_output_port(), integral.get_input_port())
-    connect(integral.get_output_port(), ki.get_input_port())
-    connect(minus_v_motor.get_output_port(), kp.get_input_port())
-    connect(ki.get_output_port(), tau_fb.get_input_port(0))
-    connect(kp.get_output_port(), tau_fb.get_input_port(1))
-    connect(tau_fb.get_output_port(), tau_cmd.get_input_port(0))
-    connect(tau_ff, tau_cmd.get_input_port(1))
-    connect(tau_cmd.get_output_port(), saturation.get_input_port())
-    connect(saturation.get_output_port(), gears.get_input_port())
-    connect(gears.get_output_port(), plant.get_actuation_input_port())
-
+    saturation, gears = add("saturation", Saturation(-limit, limit)), add("gears", Gain(ratio))
+    wire(plant.get_state_output_port(), split.get_input_port())
+    wire(v_ref, add("ref_motor", Gain(ratio)), error.get_input_port(0))
+    wire(split.get_output_port(1), minus_v_motor, error.get_input_port(1))
+    ki = add("ki", Gain(gains.ki))
+    wire(error.get_output_port(), integral, ki, tau_fb.get_input_port(0))
+    wire(minus_v_motor.get_output_port(), kp, tau_fb.get_input_port(1))
+    wire(tau_fb.get_output_port(), tau_cmd.get_input_port(0))
+    wire(tau_ff, tau_cmd.get_input_port(1))
+    wire(tau_cmd.get_output_port(), saturation, gears, plant.get_actuation_input_port())
     ports = {
         "state": plant.get_state_output_port(),
         "tau_cmd": tau_cmd.get_output_port(),
@@ -128,58 +119,38 @@ def run(diagram: Diagram, duration: float, period: float, accuracy: float) -> Ru
     return Run(taken, evaluations, states[len(states) // 2 :].T.copy())
 
 
-def _real_device() -> Scenario:
-    """PI + CTC with the shipped friction, and a drive of which only the sampling counts."""
-    scenario = load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml")
-    scenario.plant.friction = load_scenario(
-        "package://sdt/scenarios/real_device.yaml"
-    ).plant.friction
-    scenario.drive = Drive(period=0.001)
-    return scenario
+def loops_of_all() -> tuple[Design, dict[str, Diagram]]:
+    """The loops by name, and the design of the first one."""
+    scenario = load_scenario("coupled_pi_ctc")
+    table = make_design(scenario)
+    online = make_design(with_fields(scenario, {"inverse_dynamics": "online"}))
+    friction = load_scenario("real_device").plant.friction  # of the drive, the sampling alone
+    device = {"plant.friction": friction, "drive": Drive(period=0.001)}
+    loops = {"floor": make_floor(table)}
+    loops |= {"table": make_loop(table, widened=True), "online": make_loop(online, widened=True)}
+    loops |= {label: make_loop(design_with(table, label)) for label in CONTROLLERS}
+    loops["1 ms drive, friction"] = make_loop(make_design(with_fields(scenario, device)))
+    return table, loops
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--exact", type=float, default=12.0)
-    options = parser.parse_args()
-
-    scenario = load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml")
-    designs = {}
-    for mode in TARGETS:
-        scenario = copy.deepcopy(scenario)
-        scenario.inverse_dynamics = mode
-        designs[mode] = make_design(scenario)
-    motion = designs["table"].motion
-    loops = {"floor": make_floor(designs["table"])}
-    for mode, design in designs.items():
-        loops[mode] = make_loop(design, widened=True)
-
-    for label in CONTROLLERS:
-        loops[label] = make_loop(design_with(designs["table"], label))
-    loops["1 ms drive, friction"] = make_loop(make_design(_real_device()))
-
-    period, accuracy = motion.period, scenario.accuracy
+def main(rounds: int) -> None:
+    design, loops = loops_of_all()
+    motion, accuracy = design.motion, design.scenario.accuracy
     runs = {name: [] for name in loops}
-    for _ in range(options.rounds + 1):
+    for _ in range(rounds + 1):
         for name, loop in loops.items():
-            runs[name].append(run(loop, motion.duration, period, accuracy))
+            runs[name].append(run(loop, motion.duration, motion.period, accuracy))
     times = {name: np.array([r.time for r in runs[name][1:]]) for name in loops}  # one warms up
-    targets = {"floor": 1.0, **TARGETS, **CONTROLLERS, **REAL_DEVICE}
     print(f"floor: {np.median(times['floor']):.3f} s for {motion.duration:g} s of motion")
-    print(f"{'':20s} {'times the floor':>22s} target evaluations us each error [rad/s]")
-    for name, target in targets.items():
-        ratio, last = times[name] / times["floor"], runs[name][-1]
-        spread = f"{np.median(ratio):.3f} ({ratio.min():.3f} to {ratio.max():.3f})"
+    head("loop", "times the floor", "target", "evaluations", "us each", "error [rad/s]")
+    for name, target in TARGETS.items():
+        last = runs[name][-1]
         each = 1e6 * np.median(times[name]) / last.evaluations
-        error = "-"
-        if options.exact:
-            exact = run(loops[name], options.exact, period, 1e-8).speeds
-            error = f"{np.abs(last.speeds[: len(exact)] - exact).max():.1e}"
-        print(
-            f"{name:20s} {spread:>22s} {target:6g} {last.evaluations:11d} {each:7.1f} {error:>13s}"
-        )
+        exact = run(loops[name], EXACT, motion.period, 1e-8).speeds
+        error = np.abs(last.speeds[: len(exact)] - exact).max()
+        ratio = spread(times[name] / times["floor"])
+        row([name, ratio, target, last.evaluations, f"{each:.1f}", f"{error:.1e}"])
 
 
 if __name__ == "__main__":
-    main()
+    main(int([*sys.argv, 9][1]))

@@ -17,6 +17,7 @@ import time as clock
 from functools import partial
 
 import numpy as np
+import timing
 
 from sdt_drake.analysis.perception import LINEAR
 from sdt_drake.io.errors import InputError
@@ -129,12 +130,12 @@ def recovered(robot, name):
 
 def table(header, rows):
     """Print a table row by row."""
-    print("| " + " | ".join(header) + " |\n" + "| --- " * len(header) + "|")
+    timing.head(*header)
     for name, cells in rows:
         try:
-            print("| " + " | ".join(cells()) + " |", flush=True)
+            timing.row(cells())
         except InputError as error:
-            print(f"| {name} | {error} |", flush=True)
+            timing.row([name, error])
 
 
 def main():

@@ -1,18 +1,16 @@
 """How well the true device is found from one recording in which it moves for 30 s.
 
-    python tests/benchmarks/bench_identified.py [--motion diagrams/exciting.yaml] [--seeds 100]
+    python tests/benchmarks/bench_identified.py [SEEDS]
 
 The truth: the shipped real_device with frames 8 % heavier, another pilot (18 kg more, 40 mm off),
 other friction, and 1 % of noise on the torque. Prints what the findings in diagrams/README.md tell:
-what of the torque is left, on two training motions as well, friction, the payload alone, how often
-intervals of 95 % hold the truth, and what two controllers make of the identified model; then the
-same device with other controllers, as their recordings are not alike.
+what of the torque is left on two training motions, friction, the payload alone, how often
+intervals of 95 % hold the truth, and what two controllers make of the identified model.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -33,7 +31,7 @@ from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.run.simulate import Recording, simulate
 
-ROOT = Path(__file__).parents[2]
+EXCITING = str(Path(__file__).parents[2] / "diagrams" / "exciting.yaml")
 TRUE = Deviation(
     payload_mass=18.0, payload_offset=[0.0, 0.03, 0.0265], link_scales=[1.08, 1.08, 1.08, 1.08, 1.0]
 )
@@ -53,59 +51,45 @@ def truth(motion: str, kind: str = "pi", deviation: Deviation = TRUE) -> Scenari
     return scenario
 
 
-def flown(motion: str, kind: str = "pi", deviation: Deviation = TRUE) -> tuple[Design, Recording]:
-    design = make_design(truth(motion, kind, deviation))
+def flown(motion: str, deviation: Deviation = TRUE) -> tuple[Design, Recording]:
+    design = make_design(truth(motion, deviation=deviation))
     return design, simulate(design)
 
 
-def recorded_of(
-    design: Design, run: Recording, seed: int = 0, names: Sequence[str] = ("tau", "tau_mean")
-) -> Recorded:
+def recorded_of(design: Design, run: Recording, seed: int = 0) -> Recorded:
     """What encoders and drives tell, with noise on the torque, joint side."""
     rng, signals = np.random.default_rng(seed), {"q": run.q_measured}
-    for name in names:
+    for name in ("tau", "tau_mean"):
         torque = getattr(run, name) * design.robot.gear_ratio
         size = NOISE * np.sqrt(np.mean(torque**2, axis=0))
         signals[name] = torque + size * rng.normal(size=torque.shape)
     return Recorded(Path("truth.csv"), run.time, signals)
 
 
-def told(name: str, values: Array, unit: str = "%", factor: float = 100.0) -> None:
-    print(f"  {name}: {' '.join(f'{factor * x:.3g}' for x in np.atleast_1d(values))} {unit}")
+def told(name: str, values: Array) -> None:
+    print(f"  {name}: {' '.join(f'{100 * x:.3g}' for x in np.atleast_1d(values))} %")
 
 
-def tell(found: Identified) -> None:
-    told("left held out", found.left(found.predicted, held_out=True))
-    told("left by the file", found.left(found.equations.nominal, held_out=True))
-    files = plant_friction(found)
-    told("Coulomb off by", np.array(files.friction.coulomb) / FRICTION.coulomb - 1)
-    told("    its std", files.std[0] / FRICTION.coulomb)
-    told("viscous off by", np.array(files.friction.viscous) / FRICTION.viscous - 1)
-    told("    its std", files.std[1] / FRICTION.viscous)
-
-
-def inside(nominal: Robot, true: Robot, design: Design, run: Recording, seeds: int) -> None:
+def inside(nominal: Robot, design: Design, run: Recording, seeds: int) -> None:
     """How often intervals of 95 % hold the truth, of base parameters and of friction."""
     links, friction = [], []
     for seed in range(seeds):
         found = identify(nominal, [recorded_of(design, run, seed)])
-        beta = found.unknown.base.combination @ rigid_parameters(true)
+        beta = found.unknown.base.combination @ rigid_parameters(design.robot)
         std = np.sqrt(np.diagonal(found.estimate.covariance))[: len(beta)]
         links.append(np.abs(found.estimate.beta - beta) < 1.96 * std)
         files = plant_friction(found)
         values = np.array([files.friction.coulomb, files.friction.viscous])
         wanted = np.array([FRICTION.coulomb, FRICTION.viscous])
-        friction.append(np.append(np.abs(values - wanted) < 1.96 * files.std, values / wanted - 1))
-    share = np.array(friction)
+        friction.append(np.abs(values - wanted) < 1.96 * files.std)
     told(f"{len(links[0])} base parameters within 95 % intervals", np.mean(links))
-    told("friction within 95 % intervals", np.mean(share[:, :8]))
-    told("    scatter of Coulomb and viscous", share[:, 8:].std(axis=0))
+    told("friction within 95 % intervals", np.mean(friction))
 
 
-def weighed(nominal: Robot, motion: str, seeds: int) -> None:
+def weighed(nominal: Robot) -> None:
     """The payload alone, all else as in the file but friction."""
-    design, run = flown(motion, deviation=replace(TRUE, link_scales=None))
-    for seed in range(seeds):
+    design, run = flown(EXCITING, deviation=replace(TRUE, link_scales=None))
+    for seed in range(3):
         found = identify(nominal, [recorded_of(design, run, seed)], only="payload")
         (link,), (pseudo,) = found.consistent.links, found.consistent.pseudo
         (mass, com, _), (was, centre, _) = link.inertial(pseudo), link.inertial(link.pseudo)
@@ -115,46 +99,38 @@ def weighed(nominal: Robot, motion: str, seeds: int) -> None:
 
 def tracked(found: Identified, kind: str) -> None:
     """Largest position error with the identified model over that with the exact one."""
-    exact = make_design(truth("reference", kind))
-    exact = make_design(
-        truth("reference", kind, Deviation()), robot=exact.robot, motion=exact.wanted
-    )
+    true = make_design(truth("reference", kind))
+    exact = make_design(truth("reference", kind, Deviation()), robot=true.robot, motion=true.wanted)
     model = make_design(exact.scenario, robot=identified_robot(found), motion=exact.wanted)
     gains = {"kp": model.gains.kp.tolist(), "ki": model.gains.ki.tolist()}
     gains |= {"omega_r": None, "zeta": None}
     if "position_gain" in CONTROLLERS[exact.scenario.controller.kind].options:
         gains["position_gain"] = model.position_gain.tolist()
-    own = exact.variant(
-        with_fields(exact.scenario, {f"controller.{k}": x for k, x in gains.items()})
-    )
+    fields = {f"controller.{k}": x for k, x in gains.items()}
+    own = exact.variant(with_fields(exact.scenario, fields))
     own = own.with_feedforward(cast(Array, model.tau_ff))
     errors = [np.abs(simulate(x).position_error).max(axis=0) for x in (own, exact)]
     told(f"{kind}, error over that of the exact model", errors[0] / errors[1] - 1)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--motion", default=str(ROOT / "diagrams" / "exciting.yaml"))
-    parser.add_argument("--seeds", type=int, default=100)
-    options = parser.parse_args()
-
+def main(seeds: int) -> None:
     nominal = load_robot()
-    for kind in ("pi", "p_pi", "pi_id"):
-        design, run = flown(options.motion, kind)
-        for names in (("tau", "tau_mean"), ("tau",)):
-            found = identify(nominal, [recorded_of(design, run, 0, names)])
-            print(f"{kind}, from {names[-1]}, below {found.cutoff:.1f} Hz:")
-            tell(found)
-    design, run = flown(options.motion)
+    design, run = flown(EXCITING)
     training = [recorded_of(*flown(motion), seed=1) for motion in ("coriolis", "g_excess")]
     found = identify(nominal, [recorded_of(design, run)], validate=training)
-    print("pi, all of the recording, held against two training motions:")
-    tell(found)
+    print(f"pi, below {found.cutoff:.1f} Hz, held against two training motions:")
+    told("left held out", found.left(found.predicted, held_out=True))
+    told("left by the file", found.left(found.equations.nominal, held_out=True))
+    files = plant_friction(found)
+    for name, std in zip(("coulomb", "viscous"), files.std, strict=True):
+        wanted = np.array(getattr(FRICTION, name))
+        told(f"{name} off by", np.array(getattr(files.friction, name)) / wanted - 1)
+        told("    its std", std / wanted)
     for kind in ("pi_ctc", "p_pi+id"):
         tracked(found, kind)
-    weighed(nominal, options.motion, 3)
-    inside(nominal, design.robot, design, run, options.seeds)
+    weighed(nominal)
+    inside(nominal, design, run, seeds)
 
 
 if __name__ == "__main__":
-    main()
+    main(int([*sys.argv, 100][1]))

@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import resource
 import sys
-import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from timing import head, row
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "robot")]
+sys.path[:0] = [str(Path(__file__).parents[1])]
 
-from robots import chain_sdf
+from robots import chain_sdf, loaded
 
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.regressor import regressor
@@ -46,31 +46,19 @@ def recording(robot: Robot, seconds: float, rate: float) -> Recorded:
 
 
 def main() -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        chain = Path(folder) / "chain.sdf"
-        chain.write_text(chain_sdf(7))
-        seven = load_robot(chain)
-        cases = (
-            ("device", load_robot(), 30.0, 200.0),
-            ("7 joints", seven, 20.0, 1e3),
-            ("7 joints", seven, 100.0, 1e3),
-        )
-    for name, robot, seconds, rate in cases:
+    device, seven = load_robot(), loaded(chain_sdf(7))
+    head("joints", "samples", "identify [CPU s]", "times the regressor", "left held out [%]")
+    for robot, seconds, rate in ((device, 30.0, 200.0), (seven, 20.0, 1e3), (seven, 100.0, 1e3)):
         recorded = recording(robot, seconds, rate)
         q = recorded.signals["q"]
-        begin = time.perf_counter(), time.process_time()
+        begin = time.process_time()
         for part in np.array_split(q, 1 + len(q) // 20_000):  # all at once is 0.4 GB
             regressor(robot, part, part, part)
-        middle = time.perf_counter(), time.process_time()
+        middle = time.process_time()
         found = identify(robot, [recorded])
-        end = time.perf_counter(), time.process_time()
-        left = 100 * found.left(found.predicted, held_out=True).max()
-        ratio = (end[1] - middle[1]) / (middle[1] - begin[1])
-        print(
-            f"{name}, {len(q)} samples: regressor {middle[0] - begin[0]:.2f} s (CPU "
-            f"{middle[1] - begin[1]:.2f}), identify {end[0] - middle[0]:.2f} s (CPU "
-            f"{end[1] - middle[1]:.2f}, ratio {ratio:.2f}), at most {left:.2f} % held out are left"
-        )
+        taken = time.process_time() - middle
+        left, ratio = found.left(found.predicted, held_out=True).max(), taken / (middle - begin)
+        row([robot.n, len(q), f"{taken:.2f}", f"{ratio:.2f}", f"{100 * left:.2f}"])
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(f"memory: {memory:.2f} GB")
     sys.exit(ratio > MOST[0] or memory > MOST[1])

@@ -53,14 +53,13 @@ def flown(device, filter_, flights):
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--controller", default="p_pi+id")
     parser.add_argument("--devices", type=int, default=200)
     parser.add_argument("--flights", type=int, default=20)
     parser.add_argument("--out", type=Path, default=Path("bench_learning.csv"))
     options = parser.parse_args()
 
     study, base = load_study("monte_carlo")
-    scenario = with_controller(load_scenario("uncertain"), options.controller)
+    scenario = with_controller(load_scenario("uncertain"), "p_pi+id")
     scenario.accuracy = study.accuracy
     design = make_design(scenario)
     filter_ = design_filter(design, loops_of(design, "reference"), "reference")
@@ -79,10 +78,7 @@ def main() -> None:
                 row = (number, *flown(device, filter_, options.flights))
                 table.writerow(row)
                 file.flush()
-                print(
-                    ", ".join(f"{name} {x:.6g}" for name, x in zip(HEADER, row, strict=True)),
-                    flush=True,
-                )
+                print(dict(zip(HEADER, row, strict=True)), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What flights teach, and what of it is left on another device.
 
-    python tests/benchmarks/bench_learning_kept.py [OUT] [--controllers ...] [--studies ...]
+    python tests/benchmarks/bench_learning_kept.py [OUT] [--studies ...]
 
 Learns the reference motion from three flights of wrong_model, in OUT (by default "learned"), and
 flies planned and learned reference with another pilot, with colder and warmer joints, and with
@@ -8,22 +8,18 @@ elastic ones: a study for each. Prints joint 2's errors as a table. Some 34 runs
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
+from timing import head, row
 
 from sdt_drake.cli.app import main as sdt_drake
 from sdt_drake.studies.results import read_study_table
 
+FRICTION = [f"plant.friction.{name}" for name in ("coulomb", "breakaway", "viscous")]
 STUDIES = {
     "payload": ("kg", ["plant.deviation.payload_mass"], "offset", [-30, 0, 30]),
-    "friction": (
-        "times",
-        [f"plant.friction.{name}" for name in ("coulomb", "breakaway", "viscous")],
-        "factor",
-        [0.5, 2],
-    ),
+    "friction": ("times", FRICTION, "factor", [0.5, 2]),
     "elasticity": ("rad/s", ["plant.elasticity.natural_frequency[2]"], "value", [132, 264]),
 }
 """By name: unit of the level, fields, how they change, levels. The structure's own frequency is
@@ -41,8 +37,8 @@ variables:
 """
 
 
-def main(out: Path, controllers: list[str], studies: list[str]) -> None:
-    for label in controllers:
+def main(out: Path, studies: list[str]) -> None:
+    for label in ("p_pi", "p_pi+id"):
         kind, _, feedforward = label.partition("+")
         folder = out / label
         changes = ["--set", f"controller.kind={kind}"]
@@ -52,16 +48,11 @@ def main(out: Path, controllers: list[str], studies: list[str]) -> None:
         scenario = (folder / "scenario.yaml").read_text(encoding="utf-8")
         elastic = scenario.replace("natural_frequency: []", "natural_frequency: [0, 132, 0, 0]")
         (folder / "elastic.yaml").write_text(elastic, encoding="utf-8")
-        print(
-            f"\n| {label}, joint 2 | planned, largest [deg] | learned, largest [deg] | left [%] |"
-        )
-        print("| --- | --- | --- | --- |")
+        head(f"{label}, joint 2", "planned, largest [deg]", "learned, largest [deg]", "left [%]")
         for name in studies:
             unit, fields, apply, levels = STUDIES[name]
             base = "elastic.yaml" if name == "elasticity" else "scenario.yaml"
-            text = STUDY.format(
-                name=name, base=base, fields=json.dumps(fields), apply=apply, levels=levels
-            )
+            text = STUDY.format(name=name, base=base, fields=fields, apply=apply, levels=levels)
             (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
             run("study", str(folder / f"{name}.yaml"), "--out", str(folder / name))
             tell(folder / name, name, unit)
@@ -83,13 +74,12 @@ def tell(folder: Path, name: str, unit: str) -> None:
             for which in ("planned", "learned")
         )
         share = 100 * learned / planned
-        print(f"| {name} {level:g} {unit} | {planned:.4f} | {learned:.4f} | {share:.0f} |")
+        row([f"{name} {level:g} {unit}", f"{planned:.4f}", f"{learned:.4f}", f"{share:.0f}"])
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("out", nargs="?", type=Path, default=Path("learned"))
-    parser.add_argument("--controllers", nargs="+", default=["p_pi", "p_pi+id"])
     parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES))
     options = parser.parse_args()
-    main(options.out, options.controllers, options.studies)
+    main(options.out, options.studies)

@@ -1,6 +1,6 @@
 """How long all that the pilot feels of a recording of 30 s takes, against the target.
 
-    python tests/benchmarks/bench_pilot.py [--rounds N]
+    python tests/benchmarks/bench_pilot.py [ROUNDS]
 
 The motion of the head for the reference and for what was achieved, canals and felt orientation of
 both, the false sensation after the stop, and the felt difference, also by the joint angles alone.
@@ -8,10 +8,9 @@ both, the false sensation after the stop, and the felt difference, also by the j
 
 from __future__ import annotations
 
-import argparse
-import time
+import sys
 
-import numpy as np
+from timing import report_time
 
 from sdt_drake.analysis.illusions import feel
 from sdt_drake.analysis.perception import canals, false_sensation_after_stop
@@ -20,8 +19,6 @@ from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording, simulate
-
-TARGET = 0.6
 
 
 def everything(recording: Recording, robot: Robot) -> None:
@@ -37,25 +34,8 @@ def everything(recording: Recording, robot: Robot) -> None:
         _ = felt.share, felt.channel_share, felt.largest
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=9)
-    rounds = parser.parse_args().rounds
-
-    robot = load_robot()
-    recording = simulate(make_design(load_scenario("package://sdt/scenarios/coupled_pi.yaml")))
-    times = []
-    for _ in range(rounds + 1):
-        start = time.perf_counter()
-        everything(recording, robot)
-        times.append(time.perf_counter() - start)
-    seconds = np.array(times[1:])  # the first round warms up
-    print(
-        f"pilot of {recording.time[-1]:g} s, {len(recording.time)} samples: "
-        f"{np.median(seconds):.3f} s ({seconds.min():.3f} to {seconds.max():.3f}), "
-        f"target {TARGET} s"
-    )
-
-
 if __name__ == "__main__":
-    main()
+    robot = load_robot()
+    recording = simulate(make_design(load_scenario("coupled_pi")))
+    name = f"pilot of {recording.time[-1]:g} s, {len(recording.time)} samples"
+    report_time(name, lambda: everything(recording, robot), 0.6, int([*sys.argv, 9][1]))

@@ -16,7 +16,9 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from timing import head, row
 
+COUNTED = ("right", "also", "silent", "wrong")
 TESTS = Path(__file__).parents[1]
 sys.path[:0] = [str(TESTS), str(TESTS / "machine")]
 
@@ -94,6 +96,7 @@ def verdict(name: str, fault: str, seed: int) -> tuple[str, list[str]]:
 
 def main(seeds: int = 3, clean: int = 25, *only: str) -> None:
     """Print the table."""
+    head("fault", *COUNTED)
     for fault in only or ("", *EXPECTED):
         count: Counter[str] = Counter()
         for seed in range(clean if not fault else seeds):
@@ -104,8 +107,7 @@ def main(seeds: int = 3, clean: int = 25, *only: str) -> None:
                 count[told] += 1
                 if told != "right" and said:
                     print(f"  {fault} {name} {seed}: {told}: {' / '.join(said)[:400]}", flush=True)
-        row = " | ".join(str(count[told]) for told in ("right", "also", "silent", "wrong"))
-        print(f"| {fault or 'none'} | {row} |", flush=True)
+        row([fault or "none", *(count[told] for told in COUNTED)])
 
 
 if __name__ == "__main__":

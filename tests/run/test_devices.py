@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from by_hand import GEAR, LIMIT
@@ -12,7 +10,6 @@ from variants import kind, overruled
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import Loads
-from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator, simulate
 
@@ -28,10 +25,9 @@ def same(actual, expected, tolerance):
 def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
     """Off the reference at rest, each error goes its own way: held, e'' = -2 zeta w e' - w² e."""
     zeta, omega = np.array([0.3, 0.5, 0.7, 1.0]), 65.991 / 2
-    design = designed("coupled_pi", kind("inverse_dynamics", zeta=zeta.tolist()))
     still = Motion.from_speeds(PERIOD, HANGING, np.zeros((101, 4)))
-    design = dataclasses.replace(design, wanted=still)
-    diagram = make_loop(design)
+    fields = kind("inverse_dynamics", zeta=zeta.tolist())
+    diagram = make_loop(designed("coupled_pi", fields, motion=still))
     simulator = make_simulator(diagram, period=PERIOD, accuracy=1e-9)
     context = simulator.get_mutable_context()
     plant = diagram.GetSubsystemByName("multibody_plant").plant
@@ -50,17 +46,13 @@ HOLD = 1.0  # rad/s of joint 2
 @pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
 def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
     """Joint 2 at constant speed, its motor overloaded by 2 % from 0.5 s to 2.5 s."""
-    v = np.zeros((1601, 4))
-    v[:, 1] = HOLD
-    load = np.zeros_like(v)
+    load, runs = np.zeros((1601, 4)), []
     load[100:500, 1] = 1.02 * LIMIT[1]
-    runs = []
+    motion = Motion.from_speeds(PERIOD, np.zeros(4), np.tile([0, HOLD, 0, 0], (1601, 1)))
     for anti_windup in (False, True):
-        fields = kind("pi", structure=structure, anti_windup=anti_windup)
-        design = designed("axis_pi", CONSISTENT | fields, end=0.1)
-        motion = Motion.from_speeds(PERIOD, np.zeros(4), v)
-        design = make_design(design.scenario, robot=design.robot, motion=motion)
-        runs.append(simulate(overruled(design, loads=Loads(load, np.zeros_like(v)))))
+        fields = CONSISTENT | kind("pi", structure=structure, anti_windup=anti_windup)
+        design = designed("axis_pi", fields, motion=motion)
+        runs.append(simulate(overruled(design, loads=Loads(load, 0 * load))))
     times = []
     for recording in runs:
         rows = (recording.time > 0.8) & (recording.time <= 2.5)
@@ -88,25 +80,13 @@ def test_sampled_drive_by_hand(designed):
     same(simulate(design).v, speeds, 1e-8)
 
 
-def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run):
+def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(designed):
     fields = kind("p_pi") | CONSISTENT
-    prompt = run("axis_pi", fields, end=0.8, rest=3)
+    prompt = simulate(designed("axis_pi", fields, end=0.8, rest=3))
     for count in (1, 50):
         delayed = fields | {"drive": Drive(reference_delay=count * PERIOD)}
-        late = run("axis_pi", delayed, end=0.8, rest=3)
+        late = simulate(designed("axis_pi", delayed, end=0.8, rest=3))
         same(late.v[count:], prompt.v[:-count], 2e-6)
         same(late.v[:count], 0, 1e-12)
         for other in (count - 1, count + 1):  # a sample more or less would show
             assert np.abs(late.v[other:] - prompt.v[: len(late.v) - other]).max() > 1e-3
-
-
-def test_torque_loop_lags_with_its_bandwidth(run):
-    """T dtau/dt = tau_limited - tau, of what is linear from row to row."""
-    recording = run("axis_pi", CONSISTENT | {"drive": Drive(torque_bandwidth=20.0)}, end=1.5)
-    lag, tau = 1 / (2 * np.pi * 20), recording.tau_limited
-    held, decay = np.zeros((len(tau), 4)), np.exp(-PERIOD / lag)
-    for i in range(1, len(held)):
-        behind = lag * (tau[i] - tau[i - 1]) / PERIOD
-        held[i] = tau[i] - behind + decay * (held[i - 1] - tau[i - 1] + behind)
-    same(recording.tau / LIMIT, held / LIMIT, 0.01)
-    assert np.abs(recording.tau - recording.tau_limited).max() > 0.03 * LIMIT.min()

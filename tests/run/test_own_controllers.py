@@ -44,8 +44,7 @@ def desk(tmp_path, monkeypatch):
     folder.mkdir()
     elsewhere.mkdir()
     shutil.copy(OWN, folder / "own.py")
-    texts = {"run": SCENARIO, "short": MOTION, "study": STUDY}
-    for name, text in texts.items():
+    for name, text in {"run": SCENARIO, "short": MOTION, "study": STUDY}.items():
         (folder / f"{name}.yaml").write_text(text)
     monkeypatch.chdir(elsewhere)
     return folder
@@ -71,12 +70,11 @@ def test_linear_analysis_needs_a_linear_feedback(desk, capsys, command):
     assert "controller.kind proportional: has no linear feedback" in capsys.readouterr().err
 
 
-def load_trusted(file):
-    with trusting(True):
+def test_the_same_text_is_run_once(desk, tmp_path):
+    @trusting(True)
+    def load_trusted(file):
         load_controllers(file)
 
-
-def test_the_same_text_is_run_once(desk, tmp_path):
     text = OWN.read_text() + "\nopen('ran', 'a').write('x')\n"
     for name in ("a.py", "b.py"):
         (tmp_path / name).write_text(text)
@@ -96,9 +94,7 @@ def test_the_same_text_is_run_once(desk, tmp_path):
         ("(LeafSystem, Controller)", "(Controller)", "expected a class that derives from a Drake"),
         ("2 * n)\n", "n)\n", "controller: input 'sampled_state' .*4, expected 8"),
         ("super().__init__()", "pass", rf"{CLASS}: __init__ of Proportional declares ports first"),
-        ("0.9 *", "0.9 / 0 *", rf"{CLASS}: fails \(ZeroDivisionError: "),
         ("self._gain * (", "sys.exit(0) * (", rf"{CLASS}: fails \(SystemExit: 0\)"),
-        ("self._gain * (", "np.nan * (", rf"{CLASS}: tau_cmd of joint 1 is nan at 0 s, expected"),
         (
             "    def _calc(self, context, output):\n",
             "    def after_updates(self, tau_cmd, measured, held):\n        return tau_cmd[1:]\n\n"

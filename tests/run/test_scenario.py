@@ -27,17 +27,12 @@ ZETA = [0.95, 0.98, 0.99, 0.95]
 STILL = "duration: 1\njoints:\n" + 4 * "  - !Knots {knots: [[0, 0], [1, 0]]}\n"
 
 
-def shipped(name: str) -> Scenario:
-    return load_scenario(f"package://sdt/scenarios/{name}.yaml")
-
-
 @pytest.fixture
 def load(tmp_path):
     """Write the text of a scenario and load it."""
 
     def load_text(text: str) -> Scenario:
-        path = tmp_path / "run.yaml"
-        path.write_text(text, encoding="utf-8")
+        (path := tmp_path / "run.yaml").write_text(text, encoding="utf-8")
         return load_scenario(path)
 
     return load_text
@@ -45,10 +40,9 @@ def load(tmp_path):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_scenario_survives_a_round_trip_and_can_be_made(name, tmp_path, designed):
-    scenario = shipped(name)
+    scenario = load_scenario(name)
     check(scenario, n=4)
-    assert scenario.name == name
-    assert scenario.period == 0.005
+    assert scenario.name == name and scenario.period == 0.005
     save_scenario(scenario, tmp_path / "new" / "copy.yaml")
     assert load_scenario(tmp_path / "new" / "copy.yaml") == scenario
     assert designed(name).scenario == scenario
@@ -113,16 +107,14 @@ def test_torque_margin_period_and_planner_reach_the_plan(load, robot, tmp_path):
 )
 def test_feedforward_structure_and_label(kind, feedforward, in_use, structure, label):
     choice = ControllerChoice(kind=kind, feedforward=feedforward)
-    assert choice.feedforward_in_use == in_use
-    assert choice.structure_in_use == structure
-    assert choice.label == label
+    found = choice.feedforward_in_use, choice.structure_in_use, choice.label
+    assert found == (in_use, structure, label)
 
 
 PROJECT = """robot: robots/own.sdf
 motion: ../still.yaml
 device: {catalogue: own_motors.yaml}
-controller:
-  omega_r: 60
+controller: {omega_r: 60}
 """
 
 
@@ -146,16 +138,16 @@ def test_paths_start_from_the_folder_of_the_scenario_and_survive_saving(tmp_path
 AXIS = find_file("package://sdt/scenarios/axis_pi.yaml").read_text(encoding="utf-8")
 
 
-MISFIT = [
-    ("267.1, ", "", r"scenario 'axis_pi': controller\.kp: 3 value\(s\), expected 4"),
-    ("0.005", "0.007", r"30 s is not a whole multiple of the period 0\.007 s"),
-    ("0.005", "1e-310", "period"),
-    ("package://sdt/sdt.sdf", "none.sdf", r"none\.sdf: no such file"),
-    ("package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*reference"),
-]
-
-
-@pytest.mark.parametrize("old, new, message", MISFIT)
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("267.1, ", "", r"scenario 'axis_pi': controller\.kp: 3 value\(s\), expected 4"),
+        ("0.005", "0.007", r"30 s is not a whole multiple of the period 0\.007 s"),
+        ("0.005", "1e-310", "period"),
+        ("package://sdt/sdt.sdf", "none.sdf", r"none\.sdf: no such file"),
+        ("package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*reference"),
+    ],
+)
 def test_a_field_that_does_not_fit_the_robot_or_motion_is_refused(load, old, new, message):
     assert old in AXIS
     scenario = load(AXIS.replace(old, new, 1))
