@@ -41,6 +41,7 @@ def test_figure_4(structure, zeta, rise, settling):
 # Share of the torque limits of each joint: they all saturate, but none is lost.
 WEAK = np.array([0.5, 0.9, 0.2, 0.15])
 CONSISTENT = {"algorithm": "consistent"}
+WITH_ERROR = {"drive": Drive(torque_error=[0.2, -0.3, 0.1, 0.0])}
 AXES = {
     "weak, printed": ("axis_pi", {}),
     "weak, ctc, printed": ("axis_pi_ctc", {}),
@@ -48,7 +49,7 @@ AXES = {
     "ctc, consistent": ("axis_pi_ctc", CONSISTENT),
     "pi_id": ("axis_pi_ctc", CONSISTENT | kind("pi_id")),
     "pi_scheduled": ("axis_pi", CONSISTENT | kind("pi_scheduled+ctc", structure="pi")),
-    "torque error": ("axis_pi", {"drive": Drive(torque_error=[0.2, -0.3, 0.1, 0.0])}),
+    "torque error": ("axis_pi", CONSISTENT | WITH_ERROR),
 }
 
 
