@@ -210,7 +210,7 @@ def test_every_state_has_a_name(designed, kind, fields):
 
 # --- wrong arguments ------------------------------------------------------------------------------
 
-FREE = {"trust", "stops", "compare", "pilot", "report", "title", "columns", "idle_g", "meshcat"}
+FREE = {"trust", "stops", "compare", "pilot", "report", "title", "meshcat"}
 """Arguments that are true or false, or are not checked beforehand."""
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.analysis.orientation import Percept
-from sdt_drake.io.arguments import positive, share, takes
+from sdt_drake.io.arguments import a_path, positive, share, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, whole_periods, within
+from sdt_drake.io.errors import InputError, checked_number, whole_periods, within
 from sdt_drake.io.progress import work
 from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
@@ -95,7 +95,22 @@ class Flown(Shown):
         return Summary(title, header, rows)
 
 
-@takes(approach=positive, departure=positive, torque_margin=share)
+def _columns(value: FlightColumns | str | Path, name: str) -> object:
+    """Check columns of a flight: an object or a file."""
+    return value if isinstance(value, FlightColumns) else a_path(value, name)
+
+
+def _resultant(value: float, name: str) -> float:
+    """Check a resultant before and after the flight [G]."""
+    if not 1 <= checked_number(value, name) <= 10:
+        raise InputError(f"{value:g} G, expected 1 to 10 G", place=name)
+    return float(value)
+
+
+@takes(
+    columns=_columns, approach=positive, departure=positive, idle_g=_resultant, knot=positive,
+    torque_margin=share, g_weight=positive,
+)  # fmt: skip
 def fly(
     robot: Robot | str | Path,
     flight: Flight | str | Path,
@@ -140,9 +155,7 @@ def fly(
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     flight = flight if isinstance(flight, Flight) else read_flight(flight, columns)
     model = perception if isinstance(perception, PerceptionModel) else load_perception(perception)
-    _check(robot, knot, approach, idle_g)
-    if g_weight is not None:
-        positive(g_weight, "g_weight")
+    _check(robot, knot, approach)
     began = clock.process_time()
     ends = (approach, departure)
     aim = _aim(robot, flight, ends, idle_g, knot, torque_margin, g_weight or _WEIGHT)
@@ -306,18 +319,15 @@ class _Search:
         return rows
 
 
-def _check(robot: Robot, knot: float, approach: float, idle_g: float | None) -> None:
+def _check(robot: Robot, knot: float, approach: float) -> None:
     """Refuse options and robots without a solution."""
     check_head(robot)
     if robot.n < 2:
         raise InputError(f"{robot.path}: 1 joint, expected at least 2")
-    positive(knot, "knot")
     whole_periods(knot, INTERPOLATION_PERIOD, "knot")
     whole_periods(approach, INTERPOLATION_PERIOD, "approach")
     if knot > 1:
         raise InputError(f"{knot:g} s, expected at most 1 s", place="knot")
-    if idle_g is not None and not 1 <= idle_g <= 10:
-        raise InputError(f"{idle_g:g} G, expected 1 to 10 G", place="idle_g")
 
 
 def _aim(
