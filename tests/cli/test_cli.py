@@ -12,22 +12,12 @@ import sys
 import warnings
 
 import pytest
-from command_line import (
-    RUN,
-    SCENARIO,
-    SDF,
-    SHORT_MOTION,
-    WRITERS,
-    is_one_line,
-    program,
-    refused,
-)
+from command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program, refused
 
 import sdt_drake
 from sdt_drake.cli import COMMANDS
 from sdt_drake.cli import app as cli
 from sdt_drake.io.resources import SHIPPED, find_file
-from sdt_drake.motion import Motion
 
 
 def test_help_lists_all_commands_and_version(good):
@@ -82,17 +72,6 @@ def test_what_drake_says_of_a_robot_is_one_line(tmp_path):
 # --- files to write -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_place_that_cannot_be_is_refused_before_anything_is_computed(
-    refuse, desk, monkeypatch, name
-):
-    monkeypatch.setattr(Motion, "__post_init__", None)
-    about, suffix = WRITERS[name]
-    (desk / "file").write_text("a regular file")
-    for out, words in (("x.xyz", [f".{suffix}"]), (f"file/below.{suffix}", ["file: is a file"])):
-        refuse(name, *about, "--out", out, saying=words)
-
-
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 @pytest.mark.parametrize("out", ["/proc/here.csv", "/proc/nothing/here.csv", "n" * 300 + ".csv"])
 def test_a_place_without_permission_is_named_as_it_was_given(refuse, out):
@@ -135,27 +114,21 @@ def test_a_name_does_not_lead_out_of_the_folder(good, desk, given):
 # --- faults and warnings --------------------------------------------------------------------------
 
 
-def test_a_fault_is_one_short_line_that_names_the_command_line(call, monkeypatch):
-    def run(**options):
-        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
-        raise ZeroDivisionError("x" * 100_000 + "\n\x1b[31m\ud800")
+def test_a_fault_is_one_short_line_and_a_warning_another(call, monkeypatch):
+    def run(*, zeta, **options):
+        warnings.warn("two\nlines", RuntimeWarning, stacklevel=1)
+        if "2" in str(zeta):
+            raise ZeroDivisionError("x" * 100_000 + "\n\x1b[31m\ud800")
+        print("done")
 
     monkeypatch.setattr("sdt_drake.cli.step.run", run)
     done = call("step", "--zeta", "2")
     assert (done.code, done.out) == (70, "") and is_one_line(done.err) and len(done.err) < 1100
     assert "internal error, ZeroDivisionError (xxx" in done.err
     assert "x \\x1b[31m\\ud800), in: sdt-drake step --zeta 2; " in done.err
-    done = call("step", "--traceback")
+    done = call("step", "--zeta", "2", "--traceback")
     assert done.code == 70 and "Traceback" in done.err and "in run\n" in done.err
-
-
-def test_warnings_come_last_a_line_each(call, monkeypatch):
-    def run(**options):
-        warnings.warn("two\nlines", RuntimeWarning, stacklevel=1)
-        print("done")
-
-    monkeypatch.setattr("sdt_drake.cli.step.run", run)
-    assert call("step") == (0, "done\n", "sdt-drake: warning: two lines\n")
+    assert call("step", "--zeta", "1") == (0, "done\n", "sdt-drake: warning: two lines\n")
 
 
 def test_a_folder_that_is_gone(call, desk):

@@ -42,27 +42,6 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     assert error["cam.csv"] == pytest.approx(error["motion, no torque"], rel=0.2)
 
 
-@pytest.mark.parametrize("kind", ["pi_ctc", "p_pi+id"])
-@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
-def test_a_loop_gets_the_torque_of_the_file_and_no_other(
-    tmp_path, robot, motion, kind, inverse_dynamics
-):
-    """Also at a cycle of which the period of the scenario is no multiple."""
-    kind, _, feedforward = kind.partition("+")
-    choice = ControllerChoice(kind=kind, omega_r=66.0, feedforward=feedforward or None)
-    scenario = Scenario(controller=choice, inverse_dynamics=inverse_dynamics)
-    design = make_design(scenario, robot=robot, motion=motion)
-    drives = drives_with(cycle=0.004)
-    exported = export(design, drives, tmp_path, cam_points=50, title="x")
-    error = {x.source: x.position_error for x in feed(design, drives, exported)}
-    with_it, without = error["set_points.csv"], error["motion, no torque"]
-    assert with_it[1] < (0.6 if feedforward else 0.95) * without[1]
-    np.testing.assert_allclose(error["cam.csv"], without, rtol=0.2)
-    if feedforward:  # the loop itself gets the torques that are in the file
-        own = np.abs(simulate(design).position_error).max(axis=0)
-        np.testing.assert_allclose(error["trajectory.yaml"], own, rtol=0.02, atol=1e-6)
-
-
 @pytest.mark.parametrize(("kind", "has_torque"), [("p_pi", True), ("p_pi", False), ("pi_id", True)])
 def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, has_torque):
     """With the torques that were fed forward beside it, and no others; errors are those against
