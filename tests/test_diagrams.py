@@ -29,7 +29,6 @@ NAMES = REDRAW["NAMES"]
 TRAINING = [name for name in NAMES if name.startswith("training_")]
 # One of the training motions stands for all.
 TRIED = [name for name in NAMES if name not in TRAINING or name == "training_post_roll"]
-EACH = pytest.mark.parametrize("name", TRIED)
 
 
 def written(name):
@@ -52,24 +51,20 @@ def files_in(folder):
     return {path.name: path for path in folder.iterdir()}
 
 
-@pytest.fixture(scope="session")
-def ran(once, tmp_path_factory):
-    """Folder with a figure, which is drawn once, from elsewhere."""
-    elsewhere = tmp_path_factory.mktemp("elsewhere")
+@pytest.fixture
+def ran(tmp_path):
+    """Folder with a figure that is drawn from elsewhere."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
 
     def run(name):
-        def make(folder):
-            arguments = [folder / "new", "--only", name, "--record"]
-            if name == "device":  # it is rendered, not in this process
-                command = [sys.executable, SCRIPT, *arguments]
-                subprocess.run(command, cwd=elsewhere, check=True)
-            else:
-                run_here(SCRIPT, *arguments, cwd=elsewhere)
-            return folder / "new"
-
-        made = once(f"diagrams_{name}", make)
+        arguments = [tmp_path / "new", "--only", name, "--record"]
+        if name == "device":  # it is rendered, not in this process
+            subprocess.run([sys.executable, SCRIPT, *arguments], cwd=elsewhere, check=True)
+        else:
+            run_here(SCRIPT, *arguments, cwd=elsewhere)
         assert not any(elsewhere.iterdir())
-        return made
+        return tmp_path / "new"
 
     return run
 
@@ -113,44 +108,28 @@ def test_committed_rows_are_those_of_today(name, row):
 # --- the script ------------------------------------------------------------------------------
 
 
-@EACH
-def test_the_script_writes_a_figure_into_a_new_folder(ran, name):
-    expected = written(name)
-    if name in TRAINING:
-        expected.add(f"{name}.html")
-    files = files_in(ran(name))
-    assert set(files) == expected
-    for path in files.values():
-        assert path.stat().st_size > (1000 if path.suffix == ".dot" else 10_000)
-    if name in TRAINING:
-        assert "Post-roll" in files[f"{name}.html"].read_text(encoding="utf-8")
-
-
-@EACH
+@pytest.mark.parametrize("name", TRIED)
 def test_what_is_committed_is_what_the_script_writes_today(ran, name):
     """Diagrams to the last letter, plots by the numbers in them."""
-    for file in ran(name).iterdir():
-        committed = FOLDER / file.name
+    files = files_in(ran(name))
+    assert set(files) == written(name) | ({f"{name}.html"} if name in TRAINING else set())
+    for file in files.values():
+        assert file.stat().st_size > (1000 if file.suffix == ".dot" else 10_000)
         if file.suffix == ".dot":
-            assert file.read_bytes() == committed.read_bytes(), "run diagrams/redraw.py again"
+            assert file.read_bytes() == (FOLDER / file.name).read_bytes(), "run redraw.py again"
+        elif file.suffix == ".html":
+            assert "Post-roll" in file.read_text(encoding="utf-8")
         elif name != "device" and file.suffix == ".png":
-            check_same(file, committed)
+            check_same(file, FOLDER / file.name)
 
 
-def test_without_names_it_draws_them_all(monkeypatch, tmp_path):
+def test_without_arguments_it_draws_all_beside_itself_with_python_alone(tmp_path, monkeypatch):
+    shutil.copy(SCRIPT, tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    run_here(tmp_path / "redraw.py", "--only", "figure5", cwd=tmp_path.parent)
+    assert set(files_in(tmp_path)) == {"redraw.py", *written("figure5")}
     drawn, main = [], REDRAW["main"]
     monkeypatch.setitem(main.__globals__, "draw", lambda *what, record: drawn.append(what))
     monkeypatch.setattr(sys, "argv", [str(SCRIPT), str(tmp_path)])
     main()
     assert drawn == [(name, tmp_path, ROWS) for name in NAMES]
-
-
-def test_without_a_folder_it_writes_beside_itself_with_python_alone(tmp_path, monkeypatch):
-    here, elsewhere = tmp_path / "diagrams", tmp_path / "elsewhere"
-    here.mkdir()
-    elsewhere.mkdir()
-    shutil.copy(SCRIPT, here)
-    monkeypatch.setenv("PATH", str(elsewhere))
-    run_here(here / "redraw.py", "--only", "figure5", cwd=elsewhere)
-    assert set(files_in(here)) == {"redraw.py", *written("figure5")}
-    assert not any(elsewhere.iterdir())

@@ -149,7 +149,7 @@ def test_what_is_missing_is_named_and_the_old_report_stays(folder, name, old, ne
         (folder / name).write_text(re.sub(old, new, text), encoding="utf-8")
     before = snapshot(folder)
     with pytest.raises(
-        InputError, match=f"{problem}.*sdt-drake reproduce --out {folder}$"
+        InputError, match=f"{problem}.*`sdt-drake reproduce --out {folder}`"
     ) as error:
         write_report(folder)
     assert "\n" not in str(error.value) and snapshot(folder) == before
