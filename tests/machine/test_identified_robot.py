@@ -127,6 +127,11 @@ def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
     friction = plant_friction(identify(robot, [recorded], only="friction", cutoff=5)).friction
     assert friction.breakaway is None
     np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
+    v = np.linspace(0.5, 3.0, 200)
+    rounded = 60 + 16 * v + 1e-9 * (v == v[0])  # the slowest speed alone sees anything of a peak
+    for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
+        (_, _, stribeck), _ = model._nearest(v, rounded, peak)
+        assert stribeck == 0
 
 
 def rubbed(recorded, share):
