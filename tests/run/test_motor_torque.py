@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
-from variants import kind, weaker
+from variants import kind, overruled, weaker
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.controllers import Controller, register_controller
 from sdt_drake.run.loop import make_loop
+from sdt_drake.run.motor_torque import torque_limits
 from sdt_drake.run.simulate import make_simulator, simulate
 
 PERIODS, STEPS = 20, 50  # 0.1 s of motion, in steps of 0.1 ms
@@ -120,6 +121,16 @@ def test_mean_rms_and_saturation_of_torques_known_by_hand(design_of, monkeypatch
     mean, rms = (run.tau_mean[1] / limit)[:3], (run.tau_rms[1] / limit)[:3]
     np.testing.assert_allclose(mean, sign * np.array([1, 1, 0.8 / 6]), rtol=1e-9)
     np.testing.assert_allclose(rms, [1, 1, 0.8 / 30**0.5], rtol=1e-9)
+
+
+def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design_of):
+    help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
+    axis = design_of("pi", "axis", Drive())
+    axis = overruled(axis, loads=axis.loads._replace(alleviating_torque=help_))
+    lower, upper = torque_limits(axis, np.arange(2), np.zeros((2, 4)))
+    limit = axis.robot.motor_torque_limit
+    np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
+    np.testing.assert_allclose(lower + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
 
 
 @pytest.mark.parametrize("period", [None, 0.001])
