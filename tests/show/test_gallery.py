@@ -195,7 +195,7 @@ class Inputs:
         sets = [(a, b) for a in SIZING.motors[0] for b in SIZING.motors[1]]
         for label in SIZING.controllers:
             for i, motors in enumerate(sets):
-                error = (0.3 if label == "pi" else 0.19) / (1 + i)
+                error = (0.5 if label == "pi" else 0.3) / (1 + i)
                 used = {"max_abs_speed_error_2": error / 0.2, "used_torque_share_1": 0.95 - 0.1 * i}
                 worst = {"max_abs_speed_error_2": (error, "leans")}
                 worst["used_torque_share_1"] = (0.95 - 0.1 * i, "reference")
