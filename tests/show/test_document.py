@@ -9,7 +9,6 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
-import jinja2
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -132,6 +131,8 @@ def test_page_of_the_blocks(folder):
     ):
         assert part in page, part
     assert "<p></p>" not in page and "uPlot" not in page
+    two = page_of(folder, "# t\n\n## One\n\n## Two")
+    assert '<a href="#section-1">One</a>' in two and '<section id="section-2"><h2>Two</h2>' in two
 
 
 @pytest.mark.parametrize(
@@ -209,18 +210,6 @@ def test_what_is_not_ours_is_shown_as_it_is(folder, text):
     found, said = placed(text, folder)
     assert [tag for tag in found if tag != "code"] == code
     assert said == words.replace("Qyx", shown)
-
-
-@pytest.mark.parametrize(
-    "text", ["tau [N m], 1 < 2, 0.5 - 1 (x)", "max_abs_speed_error", "-1.5", "95 %"]
-)
-def test_plain_texts_need_no_mark(text):
-    assert doc.escaped(text) == text
-
-
-def test_a_template_that_asks_for_what_is_not_there_fails():
-    with pytest.raises(jinja2.UndefinedError, match="'x' is undefined"):
-        rendered("{{ x }}")
 
 
 def test_html_of_data_is_off_on_pages_even_if_markdown_has_it(folder):

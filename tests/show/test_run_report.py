@@ -11,7 +11,8 @@ import pytest
 from command_line import RUN, SHORT
 
 from sdt_drake.run.simulate import Recording
-from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel
+from sdt_drake.show.documents import Report
+from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel, Plots
 from sdt_drake.show.style import Look
 
 WAIT = 60_000  # ms at most, on a busy machine
@@ -91,6 +92,11 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
             point(speed, share)
             shows(speed, time)
             shows(torque, time)
+        for name, time in (("to the left", 0.156), ("to the right", 0.1875)):
+            page.locator(".plots").nth(1).get_by_role("button", name=name).click()
+            point(speed, 0.49)
+            point(speed, 0.5)
+            shows(speed, time)
         page.locator(".plots").nth(1).get_by_role("button", name="show all").click()
         point(torque, 0.99)
         shows(torque, 0.5)
@@ -105,6 +111,20 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
         fits(page)
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         assert (errors, requests) == ([], [])
+
+
+def test_grey_ground_is_drawn_where_it_is_marked(open_page, tmp_path):
+    time = np.linspace(0, 1, 101)
+    panel = Panel("", "x", "y", time, [Line("a", Look("k"), 0 * time)], time < 0.4, "grey")
+    markdown, path = "# t\n\n## s\n\n![c](p.png)", tmp_path / "a.html"
+    text = Report(markdown, tmp_path, {"p.png": Plots([[panel]])}).page()
+    path.write_text(text, encoding="utf-8")
+    with open_page(path) as (page, errors, _):
+        fits(page)
+        shades = """canvas => [0.3, 0.8].map(share => canvas.getContext("2d").getImageData(
+          share * canvas.width, 0.3 * canvas.height, 1, 1).data[3])"""
+        marked, other = page.locator(".uplot canvas").evaluate(shades)
+        assert marked > 20 and other == 0 and errors == []
 
 
 def test_a_report_of_what_cannot_be_linearised_and_has_no_pilot(good, desk, given):

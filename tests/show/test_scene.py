@@ -107,10 +107,6 @@ def test_arrow_points_along_the_force(force):
     np.testing.assert_allclose(tip - [1.0, 2.0, 3.0], expected, rtol=1e-3, atol=1e-12)
 
 
-def test_arrow_of_free_fall_has_no_length():
-    assert arrow_pose(np.zeros(3), np.zeros(3))[1] == 0
-
-
 @pytest.mark.parametrize(
     ("change", "part"),
     [

@@ -11,6 +11,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.figures.runs import scope
 from sdt_drake.show.figures.scope import joint_columns, limits_along
+from sdt_drake.show.panels import Plots
 
 DRIVE = {
     "drive.n1": [150.0, 0.5, 0.05, 0.05],
@@ -42,6 +43,8 @@ def test_a_single_period_in_saturation_is_seen(run):
     once[5, 1] = 0.1  # in the period that ends there
     _, (speed, *_), *_ = joint_columns(replace(recording, saturated=once), design)
     assert speed.spans() == [(recording.time[4], recording.time[5])]
+    (sent,) = Plots([[speed]]).data()["panels"]
+    assert sent["marked"] == speed.spans() and sent["title"] == speed.title
 
 
 def test_a_joint_or_a_design_that_does_not_fit_is_refused(run):

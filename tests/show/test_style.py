@@ -5,7 +5,6 @@ from itertools import combinations
 import matplotlib
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.show import style
@@ -104,31 +103,6 @@ def test_save_refuses_an_unknown_suffix(figure, tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("step", ["drawing", "writing"])
-def test_save_replaces_a_file_whole_or_not_at_all(figure, tmp_path, monkeypatch, step):
-    path = tmp_path / "figure.png"
-    path.write_bytes(b"old")
-
-    def savefig(self, target, **options):
-        target.write(b"half")
-        assert path.read_bytes() == b"old"  # while the new one is being written
-        raise RuntimeError("power cut")
-
-    def write_bytes(path, data):
-        with path.open("wb") as file:
-            file.write(data[:10])
-        raise OSError(28, "No space left on device", str(path))
-
-    if step == "drawing":
-        monkeypatch.setattr(Figure, "savefig", savefig)
-    else:
-        monkeypatch.setattr(type(path), "write_bytes", write_bytes)
-    with pytest.raises((RuntimeError, InputError), match=r"power cut|No space left"):
-        save(figure, path)
-    monkeypatch.undo()
-    assert path.read_bytes() == b"old" and list(tmp_path.iterdir()) == [path]
-
-
 def test_the_same_figure_gives_the_same_svg(figure, tmp_path):
     one, two = (save(figure, tmp_path / name).read_bytes() for name in ("a.svg", "b.svg"))
     assert one == two and b"<dc:date>" not in one
@@ -139,12 +113,3 @@ def test_letters_that_no_font_has_are_no_warning(figure, tmp_path, recwarn):
         style.finish(figure, "滚\U000105c0")
     style.save(figure, tmp_path / "x.png")
     assert [str(warning.message) for warning in recwarn] == []
-
-
-def test_a_legend_names_every_label_once_and_hides_the_others(figure):
-    (ax,) = figure.axes
-    ax.plot([0, 1], [0, 1], label="$x^{$")
-    ax.plot([0, 1], [0, 1], label="_lower")
-    figure.legends.clear()
-    finish(figure, "again")
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["$x^{$"]

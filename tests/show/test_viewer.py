@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import struct
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +15,7 @@ from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
 from sdt_drake.robot.robot import load_robot
-from sdt_drake.show.view3d import scene, viewer
+from sdt_drake.show.view3d import viewer
 from sdt_drake.show.view3d.scene import FRAME_RATE, METRES_PER_G, Scene, make_frames
 from sdt_drake.show.view3d.viewer import record_html
 
@@ -284,37 +283,3 @@ def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
     late = (wall - started) * 2.0 - motion
     assert np.all(late > -1e-9) and np.all(late < 0.05 * 2.0 + 2 / FRAME_RATE)
     assert len(motion) < 30  # 61 pictures, of which there was time for some
-
-
-def test_ctrl_c_ends_the_play(robot, monkeypatch):
-    rounds = []
-
-    def run(scene, rate, pilot):
-        rounds.append(rate)
-        if len(rounds) == 3:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(viewer, "_run_once", run)
-    viewer.play(robot, TIME, smooth(robot)[0], announce=str)
-    assert rounds == [1.0, 1.0, 1.0]
-
-
-def test_live_camera_of_the_pilot(robot, meshcat):
-    """Its place and `up`, from what Meshcat keeps for a browser that comes later."""
-    frames = make_frames(robot, TIME, smooth(robot)[0])
-    shown = Scene(robot, frames, meshcat)
-    shown.pilot_view(20)
-    forward, _, up = frames.head.rotation[20].T
-    eye = frames.head.position[20]
-    kept = {
-        name: msgpack_number(shown.meshcat._GetPackedProperty(scene._CAMERA, f"up.{name}"))
-        for name in "xyz"
-    }
-    np.testing.assert_allclose([kept["x"], -kept["z"], kept["y"]], up, atol=1e-12)
-    assert abs(up @ forward) < 1e-9 and np.all(np.isfinite(eye))
-
-
-def msgpack_number(packed):
-    """The float64 that a packed property ends with."""
-    assert packed[-9] == 0xCB
-    return struct.unpack(">d", packed[-8:])[0]
