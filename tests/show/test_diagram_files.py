@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 from command_line import FIGURE
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
@@ -156,6 +158,26 @@ def words_on(page):
             if text.get_text() not in {"", "+", "−"}:
                 place = text.get_window_extent(canvas.get_renderer())
                 yield Bbox(place.get_points() * 72 / figure.dpi - paint._BORDER)
+
+
+def test_lines_of_a_text_stand_below_each_other():
+    with matplotlib.rc_context(paint._STYLE):
+        texts = paint.figure(page_of(make_small(), max_depth=0)).findobj(Text)
+        height = {text.get_text(): text.get_window_extent().y0 for text in texts}
+    assert height["pi speed"] > height["controller"]
+
+
+def test_a_loop_is_drawn_as_committed(diagrams, file_regression):
+    """Boxes, wires with their heads, dots of branches, and words, in points of the page."""
+    with matplotlib.rc_context(paint._STYLE):
+        figure = paint.figure(page_of(diagrams["figure6"]))
+    told = []
+    for drawn in figure.findobj(lambda artist: isinstance(artist, Patch | Line2D)):
+        path = drawn.get_path()
+        if isinstance(drawn, Patch):
+            path = drawn.get_patch_transform().transform_path(path)
+        told.append(f"{type(drawn).__name__} {path.vertices.round(1).tolist()}")
+    file_regression.check("\n".join(told) + "\n", encoding="utf-8")
 
 
 def overlap(one, other):
