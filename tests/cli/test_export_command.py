@@ -27,7 +27,14 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     motion.to_csv("m.csv")
     drive = "drives"
     assert main(["export", "m.csv", "--drive", drive, "--out", "x", "--cam-points", "60"]) == 0
-    names = {"set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml", "read_back.csv"}
+    names = {
+        "README.md",
+        "set_points.csv",
+        "set_points.st",
+        "cam.csv",
+        "trajectory.yaml",
+        "read_back.csv",
+    }
     assert {path.name for path in (tmp_path / "x").iterdir()} == names
     assert "cycle of 1 ms" in capsys.readouterr().out
     with (tmp_path / "x" / "read_back.csv").open() as file:
