@@ -15,6 +15,7 @@ from collections import Counter
 import matplotlib
 import numpy as np
 import pytest
+from alone import made
 from command_line import FIGURE
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
@@ -202,6 +203,10 @@ def test_a_diagram_with_more_lines_than_can_be_drawn_is_refused(monkeypatch):
     monkeypatch.setattr(routing, "GAP", 40)  # as if no space had been enough
     with pytest.raises(InputError, match=r"^diagram step_loop: too many lines to draw, open fewer"):
         dot_text(make_small())
+
+
+def test_an_encoder_has_its_period_in_milliseconds():
+    assert "5 ms" in SYMBOLS["Encoder"](made("Encoder"))
 
 
 def test_symbols_of_ones_own_blocks_stand_beside_those_of_the_package():

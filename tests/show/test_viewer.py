@@ -121,6 +121,8 @@ def test_page_plays_alone(page, robot, page_file):
     assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
     assert len(text) < 4e6
+    red, green, blue = (f"{255 * part:.0f}" for part in scene.ARROW)
+    assert f"background: rgb({red},{green},{blue})\"></i>specific force at the head" in text
     assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
     frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head
