@@ -16,7 +16,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import viewer
-from sdt_drake.show.view3d.scene import FRAME_RATE, METRES_PER_G, Scene, make_frames
+from sdt_drake.show.view3d.scene import ARROW, FRAME_RATE, METRES_PER_G, Scene, make_frames
 from sdt_drake.show.view3d.viewer import record_html
 
 EVIL = "</script><b onload='x'>"
@@ -121,8 +121,8 @@ def test_page_plays_alone(page, robot, page_file):
     assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
     assert len(text) < 4e6
-    red, green, blue = (f"{255 * part:.0f}" for part in scene.ARROW)
-    assert f"background: rgb({red},{green},{blue})\"></i>specific force at the head" in text
+    red, green, blue = (f"{255 * part:.0f}" for part in ARROW)
+    assert f'background: rgb({red},{green},{blue})"></i>specific force at the head' in text
     assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
     frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head
