@@ -13,7 +13,6 @@ import sdt_drake
 from sdt_drake.cli import COMMANDS
 from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import suggestion
 
 URL = "https://sdt-drake.github.io/sdt_drake/"
 """Documentation of the released package; also in its metadata."""
@@ -54,6 +53,7 @@ def pages(topic: str | None) -> list[str]:
     """
     if topic is None:
         return [""]
+    from sdt_drake.io.fields import suggestion
     from sdt_drake.show.reference import TOPICS, anchor
 
     places: dict[str, list[str]] = {}
