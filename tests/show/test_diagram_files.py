@@ -206,7 +206,7 @@ def test_a_diagram_with_more_lines_than_can_be_drawn_is_refused(monkeypatch):
 
 
 def test_an_encoder_has_its_period_in_milliseconds():
-    assert "5 ms" in SYMBOLS["Encoder"](made("Encoder"))
+    assert SYMBOLS["Encoder"](made("Encoder")) == "encoder\n5 ms"
 
 
 def test_symbols_of_ones_own_blocks_stand_beside_those_of_the_package():
