@@ -15,7 +15,7 @@ python -m venv "$work/tools"
 
 cd "$work"  # away from the clone
 for package in "$dist"/*.whl "$dist"/*.tar.gz; do
-  rm -rf try out
+  rm -rf try out mine
   python -m venv try
   try/bin/pip install --quiet "$package"
   try/bin/sdt-drake --version | grep -F "${2:-sdt-drake}"
