@@ -11,18 +11,21 @@ import numpy as np
 import pytest
 from known_truth import COULOMB_TRUE, PILOT, VISCOUS_TRUE, changed, motion, recorded_of
 from robots import chain_sdf
+from scipy.linalg import sqrtm
 from simulated_recordings import course
 
 from sdt_drake.machine.identify import model
+from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.files import recorded_motion
 from sdt_drake.machine.identify.filtering import stretches
-from sdt_drake.machine.identify.model import plant_friction
+from sdt_drake.machine.identify.model import directions, plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.suspicions import inconsistent
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
+from sdt_drake.robot.sdf import SYMMETRIC, links_by_name, parse_xml
 from sdt_drake.show.reports.identification import links_table
 
 
@@ -184,3 +187,27 @@ def test_the_recorded_motion_is_as_slow_as_the_limits_require(found, true):
     standing = np.abs(inverse_dynamics(true, motion.q, 0 * motion.v, 0 * motion.v)).max(axis=0)
     _, notes = recorded_motion(found, replace(strong, effort_limit=0.5 * standing), 0.005)
     assert "joint 2 'roll' needs" in " ".join(notes) and "raise <effort>" in notes[0]
+
+
+def test_prior_uncertainty_does_not_depend_on_the_frame_of_a_link(robot, found):
+    """It is that of symmetric S whose distribution no rotation changes: half the variance off the
+    diagonal. So any other root of a pseudo-inertia than Cholesky's gives the same."""
+    A, columns = found.unknown.base.combination, found.unknown.columns
+    order = list(links_by_name(parse_xml(robot.sdf, robot.path)))
+    nothing = found.estimate.covariance.copy()
+    nothing[: len(A), : len(A)] = 1e16 * np.eye(len(A))  # nothing was measured
+    estimate = replace(found.estimate, covariance=nothing)
+    S = directions(replace(found, estimate=estimate), robot)
+    variance = 0.25 * np.diag([1.0 if i == j else 0.5 for i, j in SYMMETRIC])
+    drawn, prior = np.zeros((len(A), len(S))), np.zeros((len(A), len(A)))
+    for link in links_of(robot):
+        if link.name in [one.name for one in found.consistent.links]:
+            placed = link.to_link @ link.pseudo @ link.to_link.T
+            ours, other = (
+                A @ effect_of(robot, link, np.linalg.solve(link.to_link, root))[columns]
+                for root in (np.linalg.cholesky(placed), sqrtm(placed).real)
+            )
+            at = 10 * order.index(link.name)
+            drawn += ours @ S[:, at : at + 10].T
+            prior += other @ variance @ other.T
+    np.testing.assert_allclose(drawn @ drawn.T, prior, rtol=1e-6, atol=1e-6 * prior.max())

@@ -241,3 +241,15 @@ def test_parts_of_the_device_pass_each_other_freely():
         for (one, a, first), (other, b, second) in pairs:
             distance = query.ComputeSignedDistancePairClosestPoints(first, second).distance
             assert distance > 0, f"{one}: {a} in {other}: {b} at {np.degrees(q).round()} deg"
+
+
+def test_the_floor_is_below_all_links(robot, meshcat):
+    """A packed transform has the columns of its matrix."""
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    Scene(robot, frames, meshcat)
+    packed = meshcat._GetPackedTransform("/floor")[-16 * 9 :]
+    matrix = [np.frombuffer(packed[9 * i + 1 : 9 * i + 9], ">f8")[0] for i in range(16)]
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(context, frames.q[0])
+    pose = robot.plant.GetFrameByName("head").CalcPoseInWorld(context)
+    assert matrix[14] < pose.translation()[2] - 1, matrix
