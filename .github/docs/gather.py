@@ -23,7 +23,7 @@ PAGES = {
 }
 """Site page of each file of the repository."""
 
-_LINK = re.compile(r"(?P<open>\]\()(?P<target>[^)\s#]*)(?P<anchor>#[^)\s]*)?(?=\))")
+_LINK = re.compile(r"\]\((?P<target>[^)\s#]*)(?P<anchor>#[^)\s]*)?(?=\))")
 _REFERENCE = re.compile(r"<!-- reference:.*?-->.*?<!-- end -->", re.DOTALL)
 
 

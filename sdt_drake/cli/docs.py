@@ -14,9 +14,6 @@ from sdt_drake.cli import COMMANDS
 from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError
 
-URL = "https://sdt-drake.github.io/sdt_drake/"
-"""Documentation of the released package; also in its metadata."""
-
 
 def run(
     topic: str | None = None,
@@ -80,6 +77,6 @@ def _address(page: str, folder: Path | None) -> str:
     path, _, place = page.partition("#")
     place = f"#{place}" if place else ""
     if folder is None:
-        urls = dict(url.split(", ") for url in metadata("sdt_drake").get_all("Project-URL") or [])
-        return f"{urls.get('Documentation', URL)}{path}{'/' * bool(path)}{place}"
+        urls = dict(url.split(", ") for url in metadata("sdt_drake").get_all("Project-URL", []))
+        return f"{urls['Documentation']}{path}{'/' * bool(path)}{place}"
     return (folder / f"{path or 'index'}.html").resolve().as_uri() + place
