@@ -6,32 +6,31 @@ import shutil
 from pathlib import Path
 
 import pytest
-from small_studies import write_files
 
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.study import load_study
 
 
+def _written(folder: Path) -> Path:
+    from small_studies import write_files
+
+    write_files(folder)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def files(once) -> Path:
     """Read only: motions short and fast, bases axis and coupled, studies of 6 and 16 runs."""
-
-    def make(folder):
-        write_files(folder)
-        return folder
-
-    return once("files", make)
+    return once("files", _written)
 
 
 @pytest.fixture
 def desk(tmp_path, monkeypatch) -> Path:
     """The same, as the working directory and to be changed."""
-    folder = tmp_path / "desk"
-    folder.mkdir()
-    write_files(folder)
-    monkeypatch.chdir(folder)
-    return folder
+    (tmp_path / "desk").mkdir()
+    monkeypatch.chdir(tmp_path / "desk")
+    return _written(tmp_path / "desk")
 
 
 @pytest.fixture(scope="session")

@@ -18,9 +18,10 @@ from sdt_drake.studies.table import Row
 
 @dataclass
 class OddJob:
-    """Stands for a Job; `acts` tells what happens in a row instead of it being run.
+    """Stands for a Job; `acts` has what happens in a row instead of it being run.
 
-    "hang", "abort", "tidy slowly" from then on; "kill once", which leaves a file in `folder`.
+    "hang", "abort", "raise", "tidy slowly" from then on; "kill once", which leaves a file in
+    `folder`.
     """
 
     folder: str
@@ -46,23 +47,21 @@ class OddJob:
 
 
 def _act(what: str, folder: Path) -> None:
+    mark = folder / "was here"
     if what == "hang":
         (folder / "hangs").open("w").close()  # where it is a pipe, its reader sees that
         threading.Event().wait()
     elif what == "abort":
-        print("not an error")
         os.write(2, b"a first line\nabort: matrix is singular\n")
         os.abort()
+    elif what == "raise":
+        raise RuntimeError("no start")
     elif what == "tidy slowly":
         remove = shutil.rmtree
         shutil.rmtree = lambda *args, **options: (time.sleep(0.5), remove(*args, **options))
-    elif what == "raise":
-        raise RuntimeError("no start")
-    elif what == "kill once":
-        mark = folder / "was here"
-        if not mark.exists():
-            mark.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
+    elif what == "kill once" and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def process_of(row: Row) -> int:
@@ -75,7 +74,5 @@ def wait_for_end(process: int) -> None:
         descriptor = os.pidfd_open(process)
     except ProcessLookupError:
         return
-    try:
-        assert select.select([descriptor], [], [], 60)[0]
-    finally:
-        os.close(descriptor)
+    assert select.select([descriptor], [], [], 60)[0]
+    os.close(descriptor)

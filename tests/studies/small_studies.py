@@ -5,21 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pyarrow.parquet
+from command_line import SCENARIO, SHORT
 
-# 0.5 s of the four joints: joint 2 up to a speed and on, the others at rest.
-REST = "  - !Knots {{knots: [[0, 0], [0.5, 0]]}}\n"
-MOTION = (
-    "duration: 0.5\njoints:\n"
-    + REST
-    + "  - !Knots {{knots: [[0, 0], [0.25, {speed}], [0.5, {speed}]]}}\n"
-    + REST
-    + REST
-)
-BASE = """\
-motion: short.yaml
-plant: {{kind: {kind}}}
-controller: {{kind: pi, omega_r: 65.991, zeta: [0.95, 0.98, 0.99, 0.95]}}
-"""
 STUDY = """\
 scenario: {base}.yaml
 draws: {draws}
@@ -29,18 +16,21 @@ variables:
 - fields: [controller]
   distribution: !Choice {{values: [pi, p_pi+id]}}
 """
-
-
 RUNS = 16  # of many.yaml
 
 
 def write_files(folder: Path) -> None:
-    (folder / "short.yaml").write_text(MOTION.format(speed=0.5))
-    (folder / "fast.yaml").write_text(MOTION.format(speed=50))  # no motor can do that
-    for kind in ("axis", "coupled"):
-        (folder / f"{kind}.yaml").write_text(BASE.format(kind=kind))
-    (folder / "few.yaml").write_text(STUDY.format(base="axis", draws=3))
-    (folder / "many.yaml").write_text(STUDY.format(base="coupled", draws=8))
+    axis = SCENARIO.replace("motion.yaml", "short.yaml")
+    texts = {
+        "short": SHORT,
+        "fast": SHORT.replace(", 0.5]", ", 50]"),  # no motor can do that
+        "axis": axis,
+        "coupled": axis.replace("kind: axis", "kind: coupled"),
+        "few": STUDY.format(base="axis", draws=3),
+        "many": STUDY.format(base="coupled", draws=8),
+    }
+    for name, text in texts.items():
+        (folder / f"{name}.yaml").write_text(text)
 
 
 def rows(folder: Path) -> pyarrow.Table:

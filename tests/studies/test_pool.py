@@ -21,7 +21,7 @@ from sdt_drake.studies.table import Row
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def temporary(tmp_path, monkeypatch) -> Path:
     """The folder of temporary files, of this test alone."""
     folder = tmp_path / "temporary"
@@ -31,71 +31,59 @@ def temporary(tmp_path, monkeypatch) -> Path:
 
 
 @pytest.fixture
-def pool(tmp_path):
-    """Makes a pool that is closed at the end."""
+def pool(tmp_path, temporary, capfd):
+    """Makes a pool; it is closed at the end, and leaves no files and has printed nothing."""
     made = []
 
-    def make(*acts, count=1, **options) -> Pool:
-        made.append(Pool(OddJob(str(tmp_path), *acts, **options), count))
+    def make(*acts, **options) -> Pool:
+        made.append(Pool(OddJob(str(tmp_path), *acts, **options)))
         return made[-1]
 
     yield make
     for each in made:
         each.close()
-
-
-def run(pool: Pool, number: int) -> Row:
-    return pool.submit(number, {}).result()
-
-
-def descriptors() -> int:
-    return len(os.listdir("/proc/self/fd"))
-
-
-def test_a_process_is_replaced_after_50_rows_or_its_death_not_by_a_ctrl_c(pool, temporary):
-    """Drake frees no diagram of Python classes. A timeout may be longer than the system waits."""
-    one = pool(timeout=1e300)
-    first = process_of(run(one, 0))
-    os.kill(first, signal.SIGINT)  # as a terminal does
-    rows = [run(one, number) for number in range(1, 51)]
-    assert [(row.number, row.status) for row in rows] == [(n, "ok") for n in range(1, 51)]
-    *same, second = map(process_of, rows)
-    assert {*same} == {first} and second not in (first, os.getpid())
-    os.kill(second, signal.SIGKILL)  # between two rows
-    third = run(one, 51)
-    assert third.status == "ok"
-    one.close()
-    for process in (first, second, process_of(third)):
-        wait_for_end(process)
     assert list(temporary.iterdir()) == []
-
-
-def test_rows_that_end_their_process_or_hang(pool, temporary, capfd):
-    """No row that ends its process has a time-out that a busy machine could reach."""
-    resource_tracker.ensure_running()  # of multiprocessing, which keeps a descriptor
-    before = descriptors()
-    two = pool({1: "abort", 2: "kill once"}, count=2)
-    rows = [future.result() for future in [two.submit(number, {}) for number in range(1, 5)]]
-    two.close()
-    hanging = pool({0: "hang"}, timeout=0.5)
-    assert run(hanging, 0) == Row(0, "timed_out", "not done after 0.5 s", 0.5, ())
-    hanging.close()
-
-    assert [row.status for row in rows] == ["crashed", *["ok"] * 3] and rows[1].reason == ""
-    assert rows[0].reason.startswith("its process ended 2 times (")
-    assert "abort: matrix is singular" in rows[0].reason or "Aborted" in rows[0].reason
-    gc.collect()  # of processes that have ended
-    assert list(temporary.iterdir()) == [] and descriptors() == before
     assert capfd.readouterr() == ("", "")
 
 
-def test_each_row_reports_a_process_that_does_not_start(pool, temporary, capfd):
+def test_a_process_is_replaced_after_50_rows_not_by_a_ctrl_c(pool):
+    """Drake frees no diagram of Python classes. A timeout may be longer than the system waits."""
+    one = pool(timeout=1e300)
+    first = process_of(one.submit(0, {}).result())
+    os.kill(first, signal.SIGINT)  # as a terminal does
+    rows = [one.submit(number, {}).result() for number in range(1, 51)]
+    assert [(row.number, row.status) for row in rows] == [(n, "ok") for n in range(1, 51)]
+    *same, second = map(process_of, rows)
+    assert {*same} == {first} and second not in (first, os.getpid())
+    one.close()
+    for process in (first, second):
+        wait_for_end(process)
+
+
+def test_rows_that_end_their_process_or_hang(pool):
+    """No row that ends its process has a time-out that a busy machine could reach."""
+    resource_tracker.ensure_running()  # of multiprocessing, which keeps a descriptor
+    before = os.listdir("/proc/self/fd")
+    one = pool({0: "abort", 1: "kill once"})
+    rows = [future.result() for future in [one.submit(number, {}) for number in range(3)]]
+    one.close()
+    hanging = pool({0: "hang"}, timeout=0.5)
+    late = hanging.submit(0, {}).result()
+    hanging.close()
+    gc.collect()  # of processes that have ended
+
+    assert late == Row(0, "timed_out", "not done after 0.5 s", 0.5, ())
+    assert [row.status for row in rows] == ["crashed", "ok", "ok"] and rows[1].reason == ""
+    assert rows[0].reason.startswith("its process ended 2 times (")
+    assert "abort: matrix is singular" in rows[0].reason or "Aborted" in rows[0].reason
+    assert os.listdir("/proc/self/fd") == before
+
+
+def test_each_row_reports_a_process_that_does_not_start(pool):
     one = pool(start="raise")
     for future in [one.submit(number, {}) for number in range(2)]:
         with pytest.raises(InputError, match=r"did not start \(RuntimeError: no start\)"):
             future.result()
-    one.close()
-    assert capfd.readouterr() == ("", "") and list(temporary.iterdir()) == []
 
 
 MAIN = """

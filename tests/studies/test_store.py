@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
-import resource
-import signal
-from contextlib import contextmanager
 
 import pytest
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import alone_in
-from sdt_drake.studies.folder import holds_study, opened
-from sdt_drake.studies.results import write_results
-from sdt_drake.studies.store import DATABASE, Store, create
+from sdt_drake.studies.store import Store, create
 from sdt_drake.studies.table import Row
 
 INPUTS = {"a": 0.1, 'b "c"': "text"}
@@ -49,58 +42,18 @@ def test_rows_come_back_exactly_and_in_order(written):
     assert [*found["x"], *found["y"]] == [None, 1 / 3, 1e300, None, None, 5e-324]
 
 
-def test_rows_are_read_from_their_export_where_the_database_is_not(written):
-    with Store(written) as store:
-        write_results(store, written)
-        of_database = [*store.groups()], store.about, store.kinds, store.inputs(2)
-    (written / DATABASE).unlink()
-    assert holds_study(written)
-    with Store(written) as store:
-        assert repr(([*store.groups()], store.about, store.kinds, store.inputs(2))) == repr(
-            of_database
-        )
-
-
-def test_one_process_at_a_time(tmp_path):
-    new = tmp_path / "new"
-    with (
-        alone_in(new, pytest.fail),
-        pytest.raises(InputError, match="another process runs this study"),
-        opened(None, new, resume=False),
-    ):
-        pass
-    assert not new.exists()
-    with alone_in(tmp_path, pytest.fail):
-        pass
-    assert tmp_path.exists()
-
-
 def test_inputs_that_differ_in_capital_letters_alone_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"cannot begin a study .*duplicate column name: A"):
         create(tmp_path, {"outcomes": []}, {"a": False, "A": False})
     assert not any(tmp_path.iterdir())
 
 
-@contextmanager
-def disk_of(size: int):
-    """Files get no larger than that [bytes]."""
-    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, handler)
-
-
 def test_full_disk(written):
     with Store(written) as store:
-        with (
-            disk_of(os.path.getsize(written / DATABASE)),
-            pytest.raises(InputError, match=r"written \(disk I/O error\); \d+ runs are kept"),
-        ):
-            for number in range(4, 1000):
-                store.append(Row(number, "ok", "", 0.5, (1.0, 2.0)), INPUTS)
+        ((pages,),) = store._database.execute("PRAGMA page_count")
+        store._database.execute(f"PRAGMA max_page_count = {pages}")
+        with pytest.raises(InputError, match=r"written \(database or disk is full\); \d+ runs are"):
+            for number in range(4, 100):
+                store.append(Row(number, "ok", 500 * "x", 0.5, (1.0, 2.0)), INPUTS)
         kept = store.done()
-    assert kept == {0, 2, *range(3, max(kept) + 1)} and 3 < max(kept) < 999
+    assert kept == {0, 2, *range(3, max(kept) + 1)} and 3 < max(kept) < 99
