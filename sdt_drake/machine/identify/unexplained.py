@@ -106,7 +106,7 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[str]:
         share = float(np.sqrt(size / max(one.spread, 1e-300)))
         explains = {name: _explained(left, one.without(C)) for name, C in one.causes().items()}
         best = max(explains.values())
-        is_late = explains["late"] > max(_LATE, best - _SIMILAR) and (
+        is_late = explains["late"] == best > _LATE and (
             abs(delay.each[k] - common) > max(_MIN_SIGMAS * delay.errors[k], _MIN_DELAY)
         )
         text = f"joint {k + 1}: rigid links and friction do not explain {100 * share:.0f} % of its "
