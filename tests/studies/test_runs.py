@@ -15,7 +15,7 @@ from sdt_drake.robot.device import Drive
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.simulate import simulate
-from sdt_drake.studies.distributions import Choice, Grid, List, Uniform
+from sdt_drake.studies.distributions import Choice, List, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.runs import Runner
@@ -23,78 +23,71 @@ from sdt_drake.studies.study import Study, Variable
 from sdt_drake.studies.table import Row
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def base(files) -> Scenario:
     return load_scenario(files / "axis.yaml")
 
 
-def of(field: str, distribution, **options) -> Variable:
-    return Variable(field, [field], distribution=distribution, **options)
+def of(field: str, distribution) -> Variable:
+    return Variable(field, [field], distribution=distribution)
 
 
-def run(base: Scenario, *variables: Variable, **options) -> list[Row]:
-    study = Study("s", variables=list(variables), **options)
-    study.validate(base)
-    runner = Runner(study, base)
-    return [runner.run(number) for number in range(len(study))]
-
-
-def without_duration(rows: list[Row]) -> list[str]:
-    return [repr(dataclasses.replace(row, duration=0.0)) for row in rows]  # NaN is not equal NaN
+def without_duration(row: Row) -> str:
+    return repr(dataclasses.replace(row, duration=0.0))  # NaN is not equal NaN
 
 
 def test_outcomes_are_those_of_a_run(base, robot):
-    amplitudes = [0.1, 0.2]
-    rows = run(base, of("disturbance.amplitude", List(amplitudes)))
+    runner = Runner(Study(variables=[of("disturbance.amplitude", List([0.1, 0.2]))]), base)
+    row = runner.run(1)
+    disturbance = dataclasses.replace(base.disturbance, amplitude=0.2)
+    design = make_design(dataclasses.replace(base, accuracy=1e-3, disturbance=disturbance))
+    recording = simulate(design)
+    tracking, motors = track(recording, design.motion), motor_use(recording, robot)
+    outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
+    for family, expected in (
+        ("rms_speed_error", tracking.rms_speed_error),
+        ("peak_torque_share", motors.peak_share),
+        ("rms_torque_share", motors.rms_share),
+    ):
+        found = [outcomes[f"{family}_{k + 1}"] for k in range(robot.n)]
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
+        assert found[1] > 1e-3
+    assert (row.status, row.reason) == ("ok", "") and row.duration > 0
 
-    for row, amplitude in zip(rows, amplitudes, strict=True):
-        scenario = dataclasses.replace(
-            base,
-            accuracy=1e-3,  # of studies
-            disturbance=dataclasses.replace(base.disturbance, amplitude=amplitude),
-        )
-        design = make_design(scenario)
-        recording = simulate(design)
-        tracking, motors = track(recording, design.motion), motor_use(recording, robot)
-        outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
-        for k in range(robot.n):
-            expected = tracking.rms_speed_error[k]
-            assert outcomes[f"rms_speed_error_{k + 1}"] == pytest.approx(expected, abs=1e-6)
-            peak, rms = (outcomes[f"{name}_torque_share_{k + 1}"] for name in ("peak", "rms"))
-            assert peak == pytest.approx(motors.peak_share[k], rel=1e-4, abs=1e-9)
-            assert rms == pytest.approx(motors.rms_share[k], rel=1e-4, abs=1e-9)
-        assert row.status == "ok" and row.reason == "" and row.duration > 0
-        assert outcomes["rms_speed_error_2"] > 1e-3
-        assert outcomes["peak_torque_share_2"] > outcomes["rms_torque_share_2"] > 0
+    again, repeated, wrong = runner.repeat(1)
+    assert wrong == "" and repr(again) == repr(row.outcomes)
+    worst = np.abs(repeated.speed_error).max(axis=0)
+    np.testing.assert_allclose(worst, again[: robot.n], rtol=1e-12, atol=1e-15)
 
 
-def test_every_row_has_its_own_device_and_plan(files):
+def test_a_row_does_not_depend_on_those_before_it(files, monkeypatch):
+    """Whatever robots and plans of other devices and motions the runner keeps."""
+    monkeypatch.setattr("sdt_drake.studies.runs._MAX_PLANS", 4)
     base = load_scenario(files / "coupled.yaml")
-    heavy, light = run(base, of("device.structure_scale", List([1.0, 0.5])))
-    peak = outcome_names(base, 4).index("peak_torque_share_2")
-    assert light.outcomes[peak] < 0.9 * heavy.outcomes[peak]
-    rows = run(base, of("torque_margin", List([1.0, 0.05])))
-    assert [row.status for row in rows] == ["ok", "infeasible"]
     base.drive = Drive(n1=[200.0, 0.01, 0.01, 0.01], n0=[300.0, 9.0, 9.0, 9.0])
-    rows = run(base, of("drive.n0[2]", List([9.0, 0.02])))
-    assert [row.status for row in rows] == ["ok", "infeasible"]
+    levels = {"device.structure_scale": [1.0, 0.5], "torque_margin": [1.0, 0.05]}
+    levels["drive.n0[2]"] = [9.0, 0.02]
+    variables = [of(name, List(values)) for name, values in levels.items()]
+    study = Study(variables=[*variables, of("disturbance.amplitude", Uniform(0, 0.3))])
+    runner = Runner(study, base)
+    rows = {number: runner.run(number) for number in (7, 0, 4, 2, 1, 0)}
+    for number, row in rows.items():
+        assert without_duration(row) == without_duration(Runner(study, base).run(number))
+    assert {row.status for row in rows.values()} == {"ok", "infeasible"}
     assert "the no-load speed (n0) by drive.n1 and drive.n0" in rows[1].reason
 
 
 @pytest.mark.parametrize(
-    ("variable", "status", "reason"),
+    ("field", "values", "status", "reason"),
     [
-        (of("disturbance.amplitude", List([-1.0, 0.1])), "failed", "amplitude: -1.0, expected"),
-        (of("controller.zeta[2]", List([-1.0, 1.0])), "failed", "zeta"),
-        (of("period", List([0.007, 0.005])), "failed", "0.5 s is not a whole multiple of the per"),
-        (of("motion", Choice(["fast.yaml", "short.yaml"])), "infeasible", "fast.yaml: motion ref"),
+        ("disturbance.amplitude", List([-1.0, 0.1]), "failed", "amplitude: -1.0, expected"),
+        ("period", List([0.007, 0.005]), "failed", "0.5 s is not a whole multiple of the per"),
+        ("motion", Choice(["fast.yaml", "short.yaml"]), "infeasible", "fast.yaml: motion ref"),
     ],
 )
-def test_bad_values_fail_alone(base, files, variable, status, reason):
+def test_bad_values_fail_alone(base, files, field, values, status, reason):
     names = {name: str(files / name) for name in ("fast.yaml", "short.yaml")}
-    study = Study("s", variables=[variable])
-    study.folder = files
-    runner = Runner(study, base, names)
+    runner = Runner(Study(variables=[of(field, values)]), base, names)
     bad, good = runner.run(0), runner.run(1)
     assert (bad.status, good.status, bad.outcomes) == (status, "ok", ())
     # Not where the file is, which another process has elsewhere.
@@ -105,6 +98,7 @@ def test_what_goes_wrong_in_a_row_becomes_its_reason(base, monkeypatch):
     def explode(*_, **options):
         raise ZeroDivisionError(f"division\nby zero in {models_dir()}/sdt.sdf")
 
+    runner = Runner(Study(variables=[of("controller", Choice(["p_pi"]))]), base)
     for name, value, reason in (
         ("stops_passed", lambda *_: ["roll, 2 deg", "yaw"], "roll, 2 deg; yaw"),
         ("outcomes_of", lambda *_: (0.0, math.nan, *[0.0] * 27), "the speeds are not finite"),
@@ -112,65 +106,38 @@ def test_what_goes_wrong_in_a_row_becomes_its_reason(base, monkeypatch):
     ):
         with monkeypatch.context() as patch:
             patch.setattr(f"sdt_drake.studies.runs.{name}", value)
-            [row] = run(base, of("controller", Choice(["p_pi"])))
+            row = runner.run(0)
         assert (row.status, row.reason, row.outcomes) == ("failed", reason, ())
-
-
-def test_rows_do_not_depend_on_their_order_and_company(base, monkeypatch):
-    """Two devices, two controllers, three motions; and a row alone leaves a recording."""
-    study = Study(
-        "mixed",
-        draws=2,
-        variables=[
-            of("disturbance.amplitude", Uniform(0, 0.3)),
-            of("controller", Choice(["pi", "p_pi+id"])),
-            of("torque_margin", Grid(0.8, 1.0, 3)),
-        ],
-    )
-    runner = Runner(study, base)
-    rows = [runner.run(number) for number in range(12)]
-    assert [row.number for row in rows] == list(range(12))
-    assert {row.status for row in rows} == {"ok"} and len({row.outcomes[1] for row in rows}) > 2
-    monkeypatch.setattr("sdt_drake.studies.runs._MAX_PLANS", 1)  # motions are planned again
-    runner = Runner(study, base)
-    others = [runner.run(number) for number in np.random.default_rng(0).permutation(12).tolist()]
-    assert without_duration(sorted(others, key=lambda row: row.number)) == without_duration(rows)
-
-    outcomes, recording, wrong = runner.repeat(4)
-    assert wrong == "" and repr(outcomes) == repr(rows[4].outcomes)
-    worst = np.abs(recording.speed_error).max(axis=0)
-    np.testing.assert_allclose(worst, outcomes[:4], rtol=1e-12, atol=1e-15)
 
 
 # --- jobs ------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def own_files(desk):
+def own_files(desk) -> tuple[Study, Scenario]:
     """A base with a robot, its uncertainty and a motion of its own, varied over two motions."""
-    sdf = (models_dir() / "sdt.sdf").read_text()
-    (desk / "own").mkdir()
-    (desk / "own" / "device.sdf").write_text(sdf)
-    text = (desk / "axis.yaml").read_text()
-    text = text.replace("kind: axis", "kind: axis, deviation: {spread: spread.csv, along: [1]}")
-    (desk / "own" / "base.yaml").write_text("robot: device.sdf\n" + text)
-    (desk / "own" / "short.yaml").write_text((desk / "short.yaml").read_text())
-    names = ",".join(f"x_{k + 1}" for k in range(50))  # ten for each link
-    (desk / "own" / "spread.csv").write_text(f"row,{names}\n1{',0.01' * 50}\n")
-    base = load_scenario("own/base.yaml")
+    own = desk / "own"
+    own.mkdir()
+    deviation = "kind: axis, deviation: {spread: spread.csv, along: [1]}"
+    columns = [f"x_{k + 1}" for k in range(50)]  # ten for each link
+    for name, text in {
+        "device.sdf": (models_dir() / "sdt.sdf").read_text(),
+        "base.yaml": "robot: device.sdf\n"
+        + (desk / "axis.yaml").read_text().replace("kind: axis", deviation),
+        "short.yaml": (desk / "short.yaml").read_text(),
+        "spread.csv": f"row,{','.join(columns)}\n1{50 * ',0.01'}\n",
+    }.items():
+        (own / name).write_text(text)
     study = Study("s", variables=[of("motion", Choice(["own/short.yaml", "coriolis"]))])
     study.folder = desk
-    return study, base
+    return study, load_scenario(own / "base.yaml")
 
 
-def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
-    study, base = own_files
+def test_a_job_has_its_files_with_it(desk, tmp_path, monkeypatch):
+    study, base = own_files(desk)
     with pytest.raises(InputError, match="no such file"):
         make_job(study, dataclasses.replace(base, motion="nowhere.yaml"))
     job = make_job(study, base)
-    spread = base.plant.deviation.spread
-    assert set(job.files) == {base.robot, base.motion, "own/short.yaml", spread}
-
+    assert {*job.files} == {base.robot, base.motion, "own/short.yaml", base.plant.deviation.spread}
     for file in (desk / "own").iterdir():
         file.unlink()
     (tmp_path / "there").mkdir()
@@ -179,22 +146,18 @@ def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
     assert (row.status, row.reason) == ("ok", "")
 
 
-def test_a_fingerprint_is_of_every_number_of_a_study(own_files, desk):
-    study, base = own_files
+def test_a_fingerprint_is_of_every_number_of_a_study_and_of_nothing_else(desk):
+    study, base = own_files(desk)
     first = make_job(study, base).fingerprint
+    moved = desk.rename(desk.parent / "moved")
+    there, study.folder, study.timeout = load_scenario(moved / "own" / "base.yaml"), moved, 7.0
+    assert make_job(study, there).fingerprint == first
 
-    desk.rename(desk.parent / "moved")
-    there = load_scenario(desk.parent / "moved" / "own" / "base.yaml")
-    study.folder = desk.parent / "moved"
-    study.timeout = 7.0
-    assert make_job(study, there).fingerprint == first  # neither changes a number
-
-    other = dataclasses.replace(there, disturbance=dataclasses.replace(there.disturbance))
-    other.disturbance.amplitude = 0.1
-    assert make_job(study, other).fingerprint != first
+    found = {first}
+    there.disturbance.amplitude = 0.1
+    found.add(make_job(study, there).fingerprint)
     study.seed = 1
-    assert make_job(study, there).fingerprint != first
-    study.seed = 0
-    motion = desk.parent / "moved" / "own" / "short.yaml"
+    found.add(make_job(study, there).fingerprint)
+    motion = moved / "own" / "short.yaml"
     motion.write_text(motion.read_text().replace("0.5]]", "0.4]]"))
-    assert make_job(study, there).fingerprint != first
+    assert make_job(study, there).fingerprint not in found and len(found) == 3
