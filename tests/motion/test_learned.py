@@ -27,14 +27,22 @@ def with_sine(wanted: Motion, size: float) -> Motion:
     return Motion.from_speeds(wanted.period, wanted.q[0], v)
 
 
-def test_a_learned_reference_is_tracked_and_errors_are_against_the_planned_motion(p_pi):
-    design = p_pi.given(LearnedReference(with_sine(p_pi.wanted, 1e-3)))
+def test_the_reference_of_a_file_is_tracked_and_errors_are_against_the_planned_motion(
+    p_pi, tmp_path
+):
+    swing = LearnedReference(with_sine(p_pi.wanted, 1e-3), np.zeros_like(p_pi.wanted.q))
+    swing.to_csv(tmp_path / "learned.csv", p_pi.wanted)
+    scenario = replace(p_pi.scenario, learned=str(tmp_path / "learned.csv"))
+    design = p_pi.variant(scenario)
     run = simulate(design)
     np.testing.assert_array_equal(run.q_ref, p_pi.wanted.q)
     # It goes where the loop takes that reference, were it planned.
-    planned = simulate(replace(design, wanted=design.motion, learned=None))
+    planned = simulate(replace(p_pi, wanted=design.motion))
     np.testing.assert_array_equal(run.q, planned.q)
     assert np.ptp(run.position_error[:, 1]) > 1e-3
+    assert design.variant(p_pi.scenario).motion is p_pi.wanted
+    with pytest.raises(InputError, match="inverse_dynamics: online"):
+        p_pi.variant(replace(scenario, inverse_dynamics="online"))
 
 
 def test_learned_inverse_dynamics_are_as_good_as_computed_ones(p_pi):
@@ -44,28 +52,11 @@ def test_learned_inverse_dynamics_are_as_good_as_computed_ones(p_pi):
     np.testing.assert_allclose(simulate(learned).q, simulate(computed).q, rtol=0, atol=1e-9)
 
 
-def test_a_scenario_names_it_by_a_file(p_pi, tmp_path):
-    file, torque = tmp_path / "learned.csv", np.ones_like(p_pi.wanted.q)
-    LearnedReference(with_sine(p_pi.wanted, 1e-3), torque).to_csv(file, p_pi.wanted)
-    scenario = replace(p_pi.scenario, learned=str(file))
-    design = p_pi.variant(scenario)
-    np.testing.assert_array_equal(design.motion.q, Motion.from_csv(file).q)
-    np.testing.assert_array_equal(design.tau_ff, torque)
-    assert design.variant(p_pi.scenario).motion is p_pi.wanted
-    with pytest.raises(InputError, match="inverse_dynamics: online"):
-        p_pi.variant(replace(scenario, inverse_dynamics="online"))
-
-
 def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_that(p_pi):
-    """A twentieth slower: within what learning may change."""
-    wanted = p_pi.wanted
-    start = np.clip(wanted.time / 0.1, 0, 1)[:, None]
-    slower = Motion.from_speeds(wanted.period, wanted.q[0], wanted.v * (1 - 0.05 * start))
-    own = LearnedReference(slower, planned=slower.q)
-    own.check(slower, p_pi.nominal, torque_margin=1.0)
-    replace(own, planned=None).check(wanted, p_pi.nominal, torque_margin=1.0)
-    with pytest.raises(InputError, match=r"joint \d is .* deg from the planned motion"):
-        own.check(wanted, p_pi.nominal, torque_margin=1.0)
+    nearby = with_sine(p_pi.wanted, 1e-3)  # within what learning may change
+    p_pi.given(LearnedReference(nearby))
+    with pytest.raises(InputError, match=r"joint 2 is .* deg from the planned motion"):
+        p_pi.given(LearnedReference(nearby, planned=nearby.q))
 
 
 @pytest.mark.parametrize(

@@ -1,32 +1,44 @@
-"""Both planners, for any robot and any motion profile."""
+"""Both planners: laws for any robot and motion profile, closed forms, and refused motions."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from motions import least_time
+from motions import A_1, INERTIA_1, LIMITS, PERIOD, SWING, alone, falling, knots, sampled
+from robots import ARM, loaded
+from scipy.optimize import linprog
 from scipy.spatial import cKDTree
 from strategies import profiles, robots
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.motion import command_of, commanded_motion, plan_motion, retime
+from sdt_drake.motion import (
+    checked_torque,
+    command_of,
+    commanded_motion,
+    load_command,
+    plan_motion,
+    retime,
+    retiming,
+)
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.motors import as_driven
 
-PERIOD = 0.01
+H = 0.01  # s, period of the random motions
+
+# --- any robot -------------------------------------------------------------------------------
 
 
 @st.composite
-def weak_robots(draw, most, **options):
+def weak_robots(draw, most):
     """A robot, a command, and what it commands; a share of the torque for moving is missing."""
-    falls = draw(st.booleans())  # torque, with the speed of the motors
-    robot = draw(robots(st.integers(1, most), **options))
+    robot = draw(robots(st.integers(1, most)))
     command = command_of(draw(profiles(robot)), robot)
-    commanded = commanded_motion(robot, command, PERIOD)
+    commanded = commanded_motion(robot, command, H)
     torque = np.abs(inverse_dynamics(robot, commanded.q, commanded.v, commanded.vd)).max(axis=0)
     rest = np.zeros_like(commanded.q)
     holding = np.abs(inverse_dynamics(robot, commanded.q, rest, rest)).max(axis=0)
@@ -37,14 +49,14 @@ def weak_robots(draw, most, **options):
         "acceleration_limit": acceleration * np.abs(commanded.vd).max(axis=0) + 1e-1,
     }
     robot = dataclasses.replace(robot, **limits)
-    if falls:
+    if draw(st.booleans()):  # torque falls with the speed of the motors
         n1, n0 = robot.gear_ratio * limits["velocity_limit"] * np.array([[0.5], [1.5]])
         robot = as_driven(robot, Drive(n1=n1.tolist(), n0=n0.tolist()))
     return robot, command, commanded
 
 
 def are_kept(robot, plan):
-    """Limits of torque at both ends of each period, of speed and of acceleration."""
+    """Limits of torque, of speed and of acceleration."""
     q, v, vd = plan.motion.q, plan.motion.v, plan.motion.vd
     np.testing.assert_allclose(plan.torque, inverse_dynamics(robot, q, v, vd), atol=1e-9)
     lowest, highest = robot.torque_range(v)
@@ -57,17 +69,16 @@ def are_kept(robot, plan):
 @given(case=weak_robots(7))
 def test_retiming_keeps_all_limits_and_the_path(case):
     robot, command, commanded = case
-    plan = retime(robot, command, period=PERIOD)
+    plan = retime(robot, command, period=H)
     are_kept(robot, plan)
     motion = plan.motion
     later = inverse_dynamics(robot, motion.q[1:], motion.v[1:], motion.vd[:-1])
     assert np.all(np.abs(later) <= robot.effort_limit + 2e-6)
-    off = np.linalg.norm(motion.vd, axis=1).max() * PERIOD**2 / 4
-    fine = commanded_motion(robot, command, PERIOD / 50)
+    off = np.linalg.norm(motion.vd, axis=1).max() * H**2 / 4
+    fine = commanded_motion(robot, command, H / 50)
     assert cKDTree(fine.q).query(motion.q)[0].max() <= off + 5e-4
-    for end in (0, -1):
-        np.testing.assert_allclose(motion.q[end], commanded.q[end], atol=off + 1e-6)
-        np.testing.assert_allclose(motion.v[end], 0, atol=1e-9)
+    np.testing.assert_allclose(motion.q[[0, -1]], commanded.q[[0, -1]], atol=off + 1e-6)
+    np.testing.assert_allclose(motion.v[[0, -1]], 0, atol=1e-9)
     assert plan.longer >= 0 and plan.limited[1].all() == (plan.longer > 0)
     if plan.longer == 0:
         np.testing.assert_array_equal(motion.q, commanded.q)
@@ -76,12 +87,36 @@ def test_retiming_keeps_all_limits_and_the_path(case):
 @settings(max_examples=6)
 @given(case=weak_robots(3))
 def test_retiming_takes_the_least_time(case):
-    robot, command, commanded = case
-    plan = retime(robot, command, period=PERIOD)
-    least = least_time(robot, commanded)
-    assert plan.motion.duration >= 0.99 * least - 3 * PERIOD
+    """One linear program of x = s'^2 at all samples, without friction.
+
+    Of two x within the limits, so is the larger at each sample: the fastest has the largest sum.
+    In a cell s'' = (x[i+1] - x[i]) / (2 h); torques and accelerations are limited at both its ends.
+    """
+    robot, command, motion = case
+    count = len(motion.q) - 1
+    rest, rows, most = np.zeros_like(motion.q[1:]), [], []
+    start, end = np.eye(count, count + 1), np.eye(count, count + 1, 1)  # x at the ends of cells
+    limit = np.concatenate([robot.effort_limit, np.minimum(robot.acceleration_limit, 1e9)])
+    for j, x in enumerate((start, end)):
+        q, v, vd = motion.q[j : count + j], motion.v[j : count + j], motion.vd[:-1]
+        gravity = inverse_dynamics(robot, q, rest, rest)
+        inertia = inverse_dynamics(robot, q, rest, v) - gravity
+        velocity = inverse_dynamics(robot, q, v, vd) - gravity - robot.damping * v
+        of_s2, of_x = np.hstack([inertia, v])[..., None], np.hstack([velocity, vd])[..., None]
+        row = of_s2 * (end - start)[:, None] / (2 * H) + of_x * x[:, None]
+        rows += [row, -row]
+        most += [limit - np.hstack([gravity, rest]), limit + np.hstack([gravity, rest])]
+    speed = np.max(np.abs(motion.v) / robot.velocity_limit, axis=1)
+    top = 1 / np.maximum(speed, 1) ** 2
+    top[[0, -1]] = 0
+    A = np.reshape(rows, (-1, count + 1))
+    x = linprog(-(top**0), A_ub=A, b_ub=np.ravel(most), bounds=np.column_stack([0 * top, top])).x
+    s_dot = np.sqrt(np.maximum(x, 0))
+    least = np.sum(2 * H / (s_dot[1:] + s_dot[:-1]))
+    duration = retime(robot, command, period=H).motion.duration
+    assert duration >= 0.99 * least - 3 * H
     if robot.envelope is None and not robot.damping.any():  # the least time has neither
-        assert plan.motion.duration <= 1.01 * least + 3 * PERIOD
+        assert duration <= 1.01 * least + 3 * H
 
 
 @settings(max_examples=20)
@@ -90,7 +125,7 @@ def test_the_limiter_keeps_all_limits_or_refuses_the_motion(case):
     robot, command, commanded = case
     robot = dataclasses.replace(robot, velocity_limit=np.full(robot.n, np.inf))
     try:
-        plan = plan_motion(robot, command, period=PERIOD)
+        plan = plan_motion(robot, command, period=H)
     except InputError as error:
         text = "motion refused: joint" if robot.envelope is None else "joint"
         assert text in str(error) and "\n" not in str(error)
@@ -106,3 +141,137 @@ def test_the_limiter_keeps_all_limits_or_refuses_the_motion(case):
     assert np.all(left[limited] < 1e-4)
     if not limited.any():
         np.testing.assert_allclose(motion.v, commanded.v, atol=1e-12)
+
+
+# --- closed forms ----------------------------------------------------------------------------
+
+
+def spin_up(*more):
+    """Joint 1 from 0 to 1.6 rad/s in 2 s, from 1 s on."""
+    return alone(knots([0, 0], [1, 0], [3, 1.6], *more))
+
+
+@pytest.mark.parametrize("limit", [np.inf, 0.4])
+def test_a_joint_that_cannot_accelerate_as_commanded_catches_up_later(robot, limit):
+    acceleration = min(limit, A_1)  # rad/s²; A_1 takes all of the torque
+    calm = dataclasses.replace(robot, acceleration_limit=np.array([limit, 9, 9, 9]))
+    plan = plan_motion(calm, spin_up([6, 1.6]))
+    expected = np.clip(acceleration * (plan.motion.time - 1), 0, 1.6)
+    np.testing.assert_allclose(plan.motion.v[:, 0], expected, atol=1e-5)
+    limited = np.flatnonzero(plan.limited[:, 0])
+    assert (limited[0], len(limited)) == (200, pytest.approx(320 / acceleration, abs=2))
+    lost = 1.6**2 / 2 * (1 / acceleration - 1 / 0.8)  # the area between the ramps
+    assert plan.angle_lost == pytest.approx([lost, 0, 0, 0], rel=1e-3)
+
+
+def test_torque_that_falls_with_speed_makes_the_fastest_timing_an_exponential(robot):
+    """Of a path from rest to rest: v' = a (n0 - v) / (n0 - n1) up, and braking with all of a."""
+    n1, n0, angle, h = 0.5, 1.7, 5.0, 1e-5
+    v, q, up = 0.0, 0.0, 0.0
+    while q + v**2 / (2 * A_1) < angle:
+        v += h * A_1 * min(1, (n0 - v) / (n0 - n1))
+        q, up = q + h * v, up + h
+    least = up + v / A_1
+    plan = retime(falling(robot, n1, n0), alone(knots([0, 0], [1, 2.5], [2, 2.5], [3, 0])))
+    assert least <= plan.motion.duration <= 1.005 * least + 3 * PERIOD
+    left = LIMITS[0] * np.clip((n0 - plan.motion.v[:, 0]) / (n0 - n1), 0, 1)
+    driving = plan.torque[:, 0] > 0
+    assert np.quantile((plan.torque[:, 0] / left)[driving], 0.1) > 0.99
+
+
+def test_a_single_joint_spins_up_with_all_its_torque_and_ends_at_speed(robot):
+    # v = a (t - 1) up to 1.6 rad/s; the path of 6.4 rad takes what is left of it at that speed.
+    duration = 1 + 1.6 / A_1 + (1.6 + 4.8 - 1.6**2 / (2 * A_1)) / 1.6
+    motion = retime(robot, spin_up([6, 1.6])).motion
+    # A period of rest at the start, another to make the duration whole, a third for the grid.
+    late = motion.duration - duration
+    assert 0 <= late <= 3 * PERIOD
+    expected = np.clip(A_1 * (motion.time - late - 1), 0, 1.6)
+    np.testing.assert_allclose(motion.v[:, 0], expected, atol=A_1 * 2 * PERIOD)
+    assert motion.v[-1, 0] == pytest.approx(1.6, abs=1e-6)
+    # At the end of the path it is where the command would be a little later, at its speed.
+    assert 6.4 - 1e-6 <= motion.q[-1, 0] <= 6.4 + 1.6 * late
+
+
+def test_viscous_friction_slows_down_only_where_it_takes_the_torque():
+    # About a vertical axis: J v' = tau - d v, with v = tau / d at most and 2 rad/s commanded.
+    turned = loaded(ARM.replace("0 1 0</xyz>", "0 0 1</xyz>").replace("g>0.7", "g>20"))
+    limits = {"effort_limit": np.array([30, 40]), "position_upper": np.full(2, np.inf)}
+    arm = dataclasses.replace(turned, **limits)
+    J, tau, d = 0.6 + 4 * 0.5**2 + 0.25 + 2 * 1.1**2 + 10**2 * 0.01, 30, 20
+    plan = retime(arm, alone(knots([0, 0], [0.1, 2], [3.1, 2], [3.2, 0]), joints=2))
+    # Up and down with all the torque: the times and ways of both are closed forms.
+    v = 0.999 * tau / d
+    up, down = -J / d * np.log(1 - d * v / tau), J / d * np.log(1 + d * v / tau)
+    ways = (tau * up - J * v) / d + (J * v - tau * down) / d
+    expected = up + down + (6.2 - ways) / v
+    assert plan.motion.duration == pytest.approx(expected, rel=0.015)
+
+
+# --- refused motions -------------------------------------------------------------------------
+
+
+def test_a_speed_beyond_the_no_load_speed_is_refused(robot):
+    slow, what = falling(robot, 0.5, 1.5), spin_up([6, 1.6])
+    for use in (plan_motion, lambda *_: checked_torque(slow, sampled(what))):
+        with pytest.raises(InputError, match=r"speed 1\.\S+ rad/s, .* 1\.5 rad/s, .*no-load"):
+            use(slow, what)
+
+
+def test_a_motion_that_overpowers_joint_2_is_refused_with_its_torque(robot):
+    weak = dataclasses.replace(robot, effort_limit=LIMITS * [1, 0.8, 1, 1])
+    command = load_command("reference", robot)
+    motion = sampled(command)
+    torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)[:, 1]
+    i = np.flatnonzero(np.abs(torque) > 3160)[0]
+    needs = rf"{i * PERIOD:.3f} s .*torque {torque[i]:.6g} N m, .* ±3160 N m; .* 0\.031 rad/s"
+    with pytest.raises(InputError, match=rf"joint 2 'roll' at {needs}"):
+        plan_motion(weak, command)
+
+
+@pytest.mark.parametrize(
+    "acceleration, found",
+    [
+        (9, rf"at 1\.000 s .*torque {0.8 * INERTIA_1:.6g} N m, .* ±13655 N m; .*{2 * A_1:.4g} rad"),
+        (0.3, r".* 0\.6 rad/s, .* 1\.6 rad/s; .*0\.3 rad/s²"),  # where its motor could do more
+    ],
+    ids=["torque", "acceleration"],
+)
+def test_a_joint_that_is_not_back_on_its_command_at_the_end_is_refused(robot, acceleration, found):
+    calm = dataclasses.replace(robot, acceleration_limit=np.full(4, acceleration))
+    with pytest.raises(InputError, match=rf"joint 1 'planetary' {found}"):
+        plan_motion(calm, spin_up())
+
+
+@pytest.mark.parametrize("planner", [plan_motion, retime])
+def test_a_motor_that_cannot_hold_its_link_is_refused(planner):
+    arm = loaded(ARM.replace("<effort>40", "<effort>3"))
+    needed = -2 * 9.81 * 0.3  # N m: 2 kg at 0.3 m
+    with pytest.raises(InputError, match=rf"joint 2 'elbow'.* 0\.000 s.* {needed:g} N m.*±3 N m"):
+        planner(arm, alone(knots([0, 0], [1, 0]), joints=2))
+
+
+TOO_LONG = r".* most 100 times as long"
+
+
+@pytest.mark.parametrize(
+    "points, margin, message",
+    [
+        (([0, 1], [1, -1]), 0.05, ".*start.* joint 1 .* N m"),
+        (([0, 0], [1, 1]), 0.05, ".*end.* joint 1 .* N m"),
+        # 45000 rad at the speed limit; nothing but inertia: times go with the root of the torque.
+        (([0, 0], [5, 9000], [10, 0]), 1, TOO_LONG),
+        (([0, 0], [5, 0.05], [10, 0]), 1e-6, TOO_LONG),
+        (([0, 0], [5, 1], [10, 0]), 1e-300, TOO_LONG),
+    ],
+)
+def test_a_path_that_slowing_down_does_not_help_is_refused(robot, points, margin, message):
+    with pytest.raises(InputError, match=f"'alone' refused: {message}"):
+        retime(robot, alone(knots(*points)), torque_margin=margin)
+
+
+def test_more_periods_than_a_motion_may_have_are_refused(robot, monkeypatch):
+    monkeypatch.setattr(retiming, "MAX_PERIODS", 840)
+    assert 4 < retime(robot, SWING, torque_margin=0.65).motion.duration < 4.2
+    with pytest.raises(InputError, match=r"'alone' refused: .* 1\.05 times as long .*, 4 s"):
+        retime(robot, SWING, torque_margin=0.5)
