@@ -45,13 +45,13 @@ def size(desk, capfd):
 
 def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     code, out, _ = size()
-    assert code == 0
     folder = desk / "own"
     lines = (folder / "sizing.txt").read_text().splitlines()
+    assert code == 0 and "\n".join(lines) in out
+    best = "AC-203, TM-3950, TM-1430, TM-716"
     assert lines[0].startswith(
-        "The lightest motors that meet all requirements weigh 325 kg: AC-203"
+        f"The lightest motors that meet all requirements weigh 325 kg: {best}"
     )
-    assert "with pi_id: AC-203, TM-3950, TM-1430, TM-716 at structure scale 1, 325 kg" in out
     assert lines[-3] == "joint 2: with pi_id TM-3950 is enough"
     with (folder / "candidates.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -59,21 +59,13 @@ def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     assert pairs == list(itertools.product(["pi", "pi_id"], ["TM-716", "TM-3950"]))
     assert float(rows[2]["used_torque_share_2"]) > 0.2 > float(rows[3]["used_torque_share_2"])
     assert float(rows[3]["max_abs_speed_error_2"]) < 0.01 < float(rows[1]["max_abs_speed_error_2"])
-    assert {"front.png", "front.svg", "results.parquet"} <= {p.name for p in folder.iterdir()}
 
     text = (folder / "report.md").read_text(encoding="utf-8")
-    assert text.split("\n\n")[1] == (
-        "**AC-203, TM-3950, TM-1430, TM-716: 325 kg of motors are enough, with pi_id.** It is the "
-        "lightest set that meets all requirements in short; 1 of 2 sets do. Lighter sets (1) "
-        "miss, most often first: torque used of joint 2."
-    )
-    # 0.0059 rad/s of 0.01 that are allowed.
-    assert "| 2 | TM-3950 | largest speed error | 0.0059 rad/s | 59 | 41 | short |" in text
+    assert f"**{best}: 325 kg of motors are enough, with pi_id.**" in text
     # What it says to take into the scenario is a device.
     fields = yaml.safe_load(text.split("```")[1])
     made = load_scenario("coupled.yaml", {f"device.{k}": v for k, v in fields["device"].items()})
-    assert made.device.motors == ["AC-203", "TM-3950", "TM-1430", "TM-716"]
-    assert fields["controller"] == {"kind": "pi_id"}
+    assert made.device.motors == best.split(", ") and fields["controller"] == {"kind": "pi_id"}
 
     table = read_study_table(folder)
     names = Requirements([1.0], [1.0]).limits(4)

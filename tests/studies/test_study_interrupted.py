@@ -7,80 +7,81 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from concurrent.futures import Future
 from pathlib import Path
-from queue import SimpleQueue
 from tempfile import TemporaryDirectory
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from odd_job import wait_for_end
 from small_studies import RUNS, rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
-from sdt_drake.studies.execute import _signals_into, run_study
+from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import Job, make_job
 from sdt_drake.studies.store import Store
 from sdt_drake.studies.study import load_study
 from sdt_drake.studies.table import Row
 
-
-def test_ctrl_c_comes_after_the_messages_before_it_and_nowhere_else():
-    inbox, done = SimpleQueue(), []
-    with pytest.raises(KeyboardInterrupt), _signals_into(inbox.put):
-        inbox.put("row")
-        signal.raise_signal(signal.SIGINT)
-        done.append(inbox.get())
-        try:
-            raise inbox.get()
-        finally:
-            signal.raise_signal(signal.SIGINT)  # a second one does not disturb the cleaning up
-            done.append("clean")
-    assert done == ["row", "clean"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-# --- in this process -------------------------------------------------------------------------
-
 MOMENTS = ["a row is sent", "a row is written", "a row is reported", "a worker is lost"]
 
 
-class Ended:
-    """Stands for processes that run rows, of which an event ends the study."""
+class Processes:
+    """Stands for processes that run rows, until something ends the study."""
 
     ahead = 3
 
     def __init__(self, job: Job, moment: str = "", count: int = 0) -> None:
-        """Make one that ends at the `count`-th time of a moment."""
+        """End the study at the `count`-th time of a moment; by default not at all."""
         self.job, self.moment, self.left = job, moment, count
         self.ran, self.safe = set(), set()
 
     def at(self, moment: str) -> bool:
         """Return whether this is the end: the rows that have run until now must be kept."""
         self.left -= moment == self.moment
-        if moment != self.moment or self.left != 0:
-            return False
-        self.safe = set(self.ran)
-        if moment != "a worker is lost":
+        is_end = moment == self.moment and self.left == 0
+        if is_end:
+            self.safe = set(self.ran)
+        if is_end and moment != "a worker is lost":
             signal.raise_signal(signal.SIGINT)
-        return True
+        return is_end
 
     def submit(self, number: int, inputs) -> Future[Row]:
         future = Future()
         self.at("a row is sent")
         if self.at("a worker is lost"):
             future.set_exception(InputError("lost"))
-            return future
-        future.set_result(row_of(self.job, number))
-        self.ran.add(number)
+        else:
+            future.set_result(row_of(self.job, number))
+            self.ran.add(number)
         return future
 
     def close(self) -> None:
-        if self.safe:
+        if self.moment and self.left <= 0:
             signal.raise_signal(signal.SIGINT)  # again, while it ends
+
+    def run(self, folder: Path) -> set[int]:
+        """Run the study; return the rows that its folder has then."""
+        append = Store.append
+
+        def written(store, row, inputs):
+            append(store, row, inputs)
+            self.at("a row is written")
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Store, "append", written)
+            patch.setattr("sdt_drake.studies.pool.Pool", lambda *_: self)
+            try:
+                run_study(self.job, folder, resume=True, report=lambda *_: self.at(MOMENTS[2]))
+            except (KeyboardInterrupt, InputError):
+                assert self.moment and self.left <= 0
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        with Store(folder) as store:
+            return store.done()
 
 
 def row_of(job: Job, number: int) -> Row:
@@ -89,50 +90,30 @@ def row_of(job: Job, number: int) -> Row:
     return Row(number, "ok", "", 0.1, (number / 3,) * len(job.outcomes))
 
 
-@pytest.fixture(scope="module")
-def job(files):
-    return make_job(*load_study(files / "few.yaml"))
+def begun(job: Job, folder: Path, done: Iterable[int]) -> Path:
+    with opened(job, folder, resume=False) as store:
+        for number in done:
+            store.append(row_of(job, number), job.study.inputs(number))
+    return folder
 
 
-@settings(max_examples=15)
+@settings(max_examples=15, phases=[Phase.generate])  # to shrink takes minutes
 @given(
     st.sets(st.integers(0, 5)),
     st.lists(st.tuples(st.sampled_from(MOMENTS), st.integers(1, 4)), max_size=3),
 )
-def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(job, done, ends):
-    with TemporaryDirectory() as temporary, pytest.MonkeyPatch.context() as patch:
-        folder = Path(temporary, "few")
-        with opened(job, folder, resume=False) as store:
-            for number in done:
-                store.append(row_of(job, number), job.study.inputs(number))
-            append, kept = Store.append, store.done()
-        for backend in [*(Ended(job, *end) for end in ends), Ended(job)]:
-
-            def written(store, row, inputs, at=backend.at):
-                append(store, row, inputs)
-                at("a row is written")
-
-            patch.setattr(Store, "append", written)
-            patch.setattr("sdt_drake.studies.pool.Pool", lambda *_, made=backend: made)
-            report = lambda *_, at=backend.at: at("a row is reported")  # noqa: E731
-            with contextlib.suppress(KeyboardInterrupt, InputError):
-                run_study(job, folder, resume=True, report=report)
-            with Store(folder) as store:
-                assert store.done() >= kept | backend.safe
-                assert not backend.ran & kept  # none is done again
-                kept = store.done()
-        found = rows(folder).to_pylist()
-    for number, row in enumerate(found):
-        expected = row_of(job, number)
-        values = expected.outcomes or [None] * len(job.outcomes)
-        assert row == {
-            "row": number,
-            **job.study.inputs(number),
-            "status": expected.status,
-            "reason": expected.reason,
-            **dict(zip(job.outcomes, values, strict=True)),
-        }
-    assert len(found) == len(job.study)
+def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(files, done, ends):
+    """No row that was finished is lost or done again, also if Ctrl-C comes twice."""
+    job = make_job(*load_study(files / "few.yaml"))
+    with TemporaryDirectory() as temporary:
+        folder = begun(job, Path(temporary, "few"), done)
+        for end in [*ends, ()]:
+            processes = Processes(job, *end)
+            kept, done = done, processes.run(folder)
+            assert done >= kept | processes.safe and not processes.ran & kept
+        whole = begun(job, Path(temporary, "whole"), ())
+        Processes(job).run(whole)
+        assert rows(folder).equals(rows(whole)) and len(done) == len(job.study)
 
 
 # --- as a user does --------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from itertools import combinations
 
@@ -15,27 +14,6 @@ from synthetic import make_table, small_table
 from sdt_drake.show.documents import render
 from sdt_drake.show.figures import studies as plots
 from sdt_drake.show.reports import study as report
-
-
-def finding(table, family):
-    """The sentence on a family of outcomes."""
-    study = report.study_summary(table) | {"findings": [report.finding(table, family)]}
-    (said,) = re.findall("^- (.*)$", render("study_summary.md.j2", study=study), re.MULTILINE)
-    return said
-
-
-def test_a_finding_names_the_limit_and_the_cause():
-    table = make_table(60, joints=2)
-    text = finding(table, "max_abs_position_error")
-    pi = table.groups["pi"]
-    values = np.sort(np.degrees(pi.outcome("max_abs_position_error")[pi.ok]))
-    limit = values[math.ceil(0.95 * len(values)) - 1]
-    start = "**Largest position error [deg], worst joint:** at most "
-    assert text.startswith(f"{start}{limit:.3g} with `pi`")
-    assert "in 95 % of the runs with a value" in text
-    assert re.search(r"It depends most on `omega_r` \(\d+ ± \d+ % with `pi`", text)
-    alone = finding(small_table(np.arange(20.0)), "y")
-    assert alone == "**Y:** at most 18 in 95 % of the runs."
 
 
 @pytest.mark.parametrize("status", ["ok", "failed"])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import CONTROLLERS, make_table, table_of
+from synthetic import table_of
 
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.studies import results
@@ -23,16 +23,6 @@ def test_a_family_stands_for_the_worst_joint_that_has_a_number():
     np.testing.assert_array_equal(table.outcome("rms_speed_error"), [1, 3, np.nan])
     np.testing.assert_array_equal(table.worst_joint("rms_speed_error")[:2], [1, 4])
     assert table.outcome(names[1]) is table.outcomes[names[1]]
-
-
-def test_groups_keep_every_run_once_and_the_order_of_the_levels():
-    table = make_table(50)
-    parts = table.groups
-    assert list(parts) == list(CONTROLLERS)
-    assert sorted(np.concatenate([part.row for part in parts.values()])) == list(table.row)
-    for level, part in parts.items():
-        assert set(part.inputs["controller"]) == {level}
-        np.testing.assert_array_equal(part.inputs["payload"], table.inputs["payload"][::3])
 
 
 def test_every_family_has_title_and_unit():
