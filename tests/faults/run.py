@@ -1,18 +1,19 @@
 """Seed faults into the package, one at a time, and tell which test catches each of them.
 
-    python tests/faults/run.py                      # all faults, the likeliest tests first
+    python tests/faults/run.py                      # all faults: some CPU seconds for each
     python tests/faults/run.py gravity_sign kp_     # faults whose id contains one of these
     python tests/faults/run.py --tree ../other      # of another checkout, with its own tests
 
 Nothing in the checkout changes: faults are put into a temporary copy. A line for each fault goes to
-the screen and to --results, which a later run reads as its hint of where to look first. It needs
-Python 3.11.
+the screen and to --results. The test that is named there runs first, alone, the next time; if it
+passes, those files of tests run that have most to do with the file of the fault.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import multiprocessing
 import os
 import re
@@ -28,6 +29,7 @@ import matplotlib
 import pydrake.multibody.parsing
 import pydrake.systems.analysis  # noqa: F401  (Drake is loaded once and not for every fault)
 import pytest
+from hypothesis import Phase, settings
 
 HERE = Path(__file__).resolve().parent
 MISSED = "-"
@@ -38,6 +40,12 @@ class FirstFailure:
 
     def __init__(self, connection) -> None:
         self._connection = connection
+
+    def pytest_collection(self) -> None:
+        """Let examples that fail be as they are: making them small takes most of the time."""
+        phases = (Phase.explicit, Phase.generate)
+        settings.register_profile("faults", settings(), phases=phases)
+        settings.load_profile("faults")
 
     def pytest_runtest_logreport(self, report) -> None:
         self._send_failed(report)
@@ -90,17 +98,32 @@ def likeliest(tree: Path, file: Path, source: str, hint: str) -> list[str]:
     return [str(path.relative_to(tree)) for path in files]
 
 
-def caught_by(fault: dict, tree: Path, hint: str, limit: float, most: int) -> str:
-    """The test that fails with a fault and not without; MISSED if there is none."""
-    failing: list[str] = []  # without it, too
-    while True:
-        path, text = seed(fault, tree)
-        files = likeliest(tree, path, text, hint)[:most]
-        result = first_failure(tree, files, limit, failing)
-        path.write_text(text, encoding="utf-8")
-        if "::" not in result or first_failure(tree, [result], limit, []) != result:
-            return result
-        failing.append(result)
+def caught_by(fault: dict, tree: Path, known: str, limit: float, most: int) -> str:
+    """The test that fails with a fault and not without; MISSED if there is none.
+
+    The one known from an earlier run is tried alone, before the likeliest files.
+    """
+    failing: list[str] = []  # without the fault, too
+    path, text = seed(fault, tree)
+    seeded = path.read_text(encoding="utf-8")
+    files = likeliest(tree, path, text, known.partition("::")[0])[:most]
+    for tests in ([known.partition("[")[0]], files) if "::" in known else (files,):
+        while True:
+            path.write_text(seeded, encoding="utf-8")
+            result = first_failure(tree, tests, limit, failing)
+            path.write_text(text, encoding="utf-8")
+            if "::" not in result or passes(tree, result, limit):
+                break
+            failing.append(result)
+        if not result.startswith(MISSED):
+            break
+    return result
+
+
+@functools.cache
+def passes(tree: Path, test: str, limit: float) -> bool:
+    """True if a test passes without a fault."""
+    return first_failure(tree, [test], limit, []) != test
 
 
 def first_failure(tree: Path, tests: list[str], limit: float, without: list[str]) -> str:
@@ -176,9 +199,9 @@ def main() -> None:
         shutil.copytree(options.tree, tree, ignore=ignored)
         for fault in chosen:
             start = time.monotonic()
-            hint = known.get(fault["id"], "").partition("::")[0].removeprefix(f"{MISSED} ")
+            test = known.get(fault["id"], MISSED)
             try:
-                result = caught_by(fault, tree, hint, options.limit, options.files)
+                result = caught_by(fault, tree, test, options.limit, options.files)
             except LookupError as error:
                 print(error, flush=True)
                 continue

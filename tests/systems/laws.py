@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import alone
 import numpy as np
@@ -21,33 +20,27 @@ from sdt_drake.systems.gains import feedforward_torque
 TIME = 0.3  # s
 
 
-class Case(NamedTuple):
-    """A block and its law: from state and inputs to outputs, and to rates and next samples.
-
-    None stands for rates and samples of 0.
-    """
-
-    block: str
-    title: str
-    changes: dict
-    law: Callable
-    scales: dict
-    """Sizes of the random inputs, 1 by default; "x" is the state."""
-    tolerance: float
-    """Relative error of outputs and rates."""
-    feedthrough: set[str] | None
-    """Each input and output between which it acts at once; None for all."""
-
-
-CASES: list[Case] = []
+CASES: list[SimpleNamespace] = []
 
 
 def case(block, title="", *, scales=None, tolerance=1e-12, feedthrough=None, **changes):
-    """Register the law that follows."""
+    """Register the law that follows, of a block with changed arguments.
+
+    It goes from state and inputs to outputs, and to rates and next samples; None stands for 0.
+
+    Args:
+        block: name of the block.
+        title: what is special about it.
+        scales: sizes of the random inputs, 1 by default; "x" is the state.
+        tolerance: relative error of outputs and rates.
+        feedthrough: each input and output between which it acts at once; None for all.
+        changes: arguments of the block.
+    """
+    of = {"block": block, "title": f"{block} {title}".strip(), "scales": scales or {}}
+    of |= {"changes": changes, "tolerance": tolerance, "feedthrough": feedthrough}
 
     def register(law):
-        title_ = f"{block} {title}".strip()
-        CASES.append(Case(block, title_, changes, law, scales or {}, tolerance, feedthrough))
+        CASES.append(SimpleNamespace(law=law, **of))
         return law
 
     return register
