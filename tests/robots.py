@@ -9,7 +9,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import Robot, load_robot
 
 # A planar arm: both joints turn about y; at q = 0 it points along x. Link 1 is 0.8 m long, its
@@ -162,6 +164,15 @@ def loaded(text: str, suffix: str = ".sdf") -> Robot:
     path = _folder() / f"{name}{suffix}"
     path.write_text(text, encoding="utf-8")
     return load_robot(path)
+
+
+def refused(text: str, old: str, new: str, message: str) -> None:
+    """A text with something else in it is refused in a short line, with file and place."""
+    assert old in text
+    suffix = ".urdf" if "<robot" in text else ".sdf"
+    with pytest.raises(InputError, match=rf"^/.*\{suffix}: .*{message}") as error:
+        loaded(text.replace(old, new), suffix)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 600
 
 
 @functools.cache

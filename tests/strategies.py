@@ -34,7 +34,7 @@ def robots(
         draw: of hypothesis.
         joints: how many.
         coupled: whether motors turn with other joints, too, as in wrists.
-        head: whether the last link has a pilot's head.
+        head: whether a link has a pilot's head.
     """
     n, rng = draw(joints), draw(GENERATORS)
     gear_ratio = np.where(draw(st.booleans()), _spread(rng, 0.5, 200, n), 1.0)
@@ -44,7 +44,8 @@ def robots(
         "gear_ratio": gear_ratio,
         "damping": draw(st.sampled_from([0.0, 1.0])) * rng.uniform(0, 3, n),
     }
-    frame = f'<frame name="head" attached_to="link_{n}"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'
+    link = rng.integers(1, n + 1) if head else n
+    frame = f'<frame name="head" attached_to="link_{link}"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'
     seed, base = int(rng.integers(2**32)), draw(st.booleans())
     text = chain_sdf(n, seed=seed, base=base, motors=motors, extra=frame * head)
     names = chain_names(n)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from robots import ARM, loaded
+from robots import ARM, URDF, loaded
 
-from sdt_drake.robot.dynamics import InertiaRange, torque_groups, where_largest
-
-# --- torque groups (Eq. 2) ------------------------------------------------------------------
+from sdt_drake.robot.dynamics import torque_groups, where_largest
 
 
-def test_groups_of_a_planar_arm_are_those_of_the_textbook():
-    arm = loaded(ARM)
+@pytest.mark.parametrize("text, suffix", [(ARM, ".sdf"), (URDF, ".urdf")])
+def test_groups_of_a_planar_arm_are_those_of_the_textbook(text, suffix):
+    arm = loaded(text, suffix)
     q, v, vd = np.random.default_rng(1).uniform(-3, 3, (3, 20, 2))
     groups = torque_groups(arm, q, v, vd)
     # Lengths, masses and inertias of ARM; positive angles lower the links.
@@ -27,32 +26,20 @@ def test_groups_of_a_planar_arm_are_those_of_the_textbook():
         "d_kk": (d11, d22),
         "inertial": (d11 * vd[:, 0], d22 * vd[:, 1]),
         "reaction": (d12 * vd[:, 1], d12 * vd[:, 0]),
-        "velocity": (
-            -h * (2 * v[:, 0] * v[:, 1] + v[:, 1] ** 2) + damping * v[:, 0],
-            h * v[:, 0] ** 2,
-        ),
+        "velocity": (damping * v[:, 0] - h * (2 * v[:, 0] + v[:, 1]) * v[:, 1], h * v[:, 0] ** 2),
         "gravity": (-g * ((m1 * c1 + m2 * l1) * np.cos(q[:, 0]) + lower), -g * lower),
     }
     for name, columns in expected.items():
-        np.testing.assert_allclose(
-            getattr(groups, name), np.stack(columns, axis=1), rtol=1e-12, atol=1e-12, err_msg=name
-        )
+        found, by_hand = getattr(groups, name), np.stack(columns, axis=1)
+        np.testing.assert_allclose(found, by_hand, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
-# --- loads (Algorithm 1) --------------------------------------------------------------------
-
-
-def test_third_branch_covers_most_of_the_reference_motion(design):
+def test_third_branch_of_algorithm_1_covers_most_of_the_reference_motion(design):
     # Every sample at constant speed is in it. reference_design.md: 43 to 90 % of the motion.
-    torques, vd = design.torques, design.motion.vd
-    third = (np.sign(vd) != np.sign(torques.coupled)) & (
-        np.abs(torques.inertial) <= np.abs(torques.coupled)
-    )
+    own, coupled = design.torques.inertial, design.torques.coupled
+    third = (np.sign(design.motion.vd) != np.sign(coupled)) & (np.abs(own) <= np.abs(coupled))
     share = 100 * np.mean(third, axis=0)
     assert (round(min(share)), round(max(share))) == (43, 90)
-
-
-# --- effective inertia (Eq. 3) --------------------------------------------------------------
 
 
 PRINTED = {
@@ -70,12 +57,6 @@ def test_range_along_the_reference_motion_is_that_of_the_independent_calculation
     values = coupled if quantity == "coupled" else getattr(design.inertia, quantity)
     for value, text in zip(values, PRINTED[quantity].split(), strict=True):
         assert f"{value:.{len(text.partition('.')[2])}f}" == text
-
-
-def test_range_of_a_few_samples_is_the_one_computed_by_hand():
-    inertia = InertiaRange.of([[4.0, 7.0], [1.0, 7.0], [2.0, 7.0], [1.0, 7.0]])
-    found = (inertia.maximum, inertia.median, inertia.minimum, inertia.variation_percent)
-    np.testing.assert_array_equal(found, [[4, 7], [1.5, 7], [1, 7], [75, 0]])
 
 
 def test_the_largest_inertia_is_taken_first_in_time_round_off_apart():

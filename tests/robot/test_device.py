@@ -1,0 +1,88 @@
+"""Friction and springs of elastic joints against their formulas, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.device import (
+    Elasticity,
+    Friction,
+    friction_parameters,
+    sliding_friction,
+    springs_of,
+)
+
+V_S = 0.03  # rad/s
+COULOMB, VISCOUS = [300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0]
+BREAKAWAY = [450.0, 60.0, 10.0, 50.0]
+FRICTION = Friction(COULOMB, VISCOUS, BREAKAWAY, stribeck_speed=V_S)
+LOADED = Friction(COULOMB, VISCOUS, BREAKAWAY, stribeck_speed=V_S, offset=[0.0, -70.0, 5.0, 0.0])
+DRY = Friction(COULOMB, breakaway=BREAKAWAY, stribeck_speed=V_S)
+
+OMEGA = [60.0, 0.0, 150.0, 30.0]  # rad/s
+INERTIA = np.array([18000.0, 90.0, 790.0, 250.0])  # kg m²
+GRAVITY = np.array([0.0, 500.0, 900.0, -300.0])  # N m/rad
+
+
+def at(friction, v):
+    """Friction at the same speed of every joint, or at speeds of shape (N,): (N, 4)."""
+    v = np.multiply.outer(np.asarray(v, dtype=float), np.ones(4))
+    return sliding_friction(friction_parameters(friction, 4), v)
+
+
+def test_friction_by_hand():
+    # Joint 1 at 2 v_s: 300 + 150 * 2 exp(-3 / 2) + 40 * 0.06.
+    assert at(FRICTION, 2 * V_S)[0] == pytest.approx(300 + 66.9390480 + 2.4, rel=1e-9)
+    # Joint 3 at v_s / 2: 10 / 2 exp(3 / 8) + 8 * 0.015, and with what it carries both ways.
+    assert at(FRICTION, V_S / 2)[2] == pytest.approx(7.2749571 + 0.12, rel=1e-7)
+    assert at(LOADED, -V_S / 2)[2] == pytest.approx(5 - 7.2749571 - 0.12, rel=1e-7)
+    np.testing.assert_array_equal(at(FRICTION, 0.0), 0)
+    np.testing.assert_array_equal(at(LOADED, 0.0), LOADED.offset)
+    np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
+
+
+def test_the_peak_of_friction_at_the_stribeck_speed_is_breakaway():
+    v = np.linspace(0.2, 5, 4801) * V_S
+    friction = at(DRY, v)
+    np.testing.assert_allclose(at(DRY, V_S), BREAKAWAY, rtol=1e-12)
+    np.testing.assert_allclose(friction.max(axis=0), BREAKAWAY, rtol=1e-9)
+    np.testing.assert_allclose(v[friction.argmax(axis=0)][[0, 2, 3]], V_S, rtol=2e-3)
+    np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
+    np.testing.assert_array_equal(at(Friction(coulomb=COULOMB), v[:2]), [COULOMB] * 2)
+
+
+def test_defaults_are_no_friction():
+    assert Friction().is_none and Friction(stribeck_speed=1.0).is_none
+    assert not any(Friction(**{x: [0.0]}).is_none for x in ("coulomb", "viscous", "breakaway"))
+    np.testing.assert_array_equal(at(Friction(), 0.01), 0)
+
+
+def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
+    """d x'' + c x' + (k + k_g) x = 0 has the roots of omega and zeta."""
+    assert Elasticity(OMEGA).encoder == "motor"
+    for elasticity, zeta in (
+        (Elasticity(OMEGA, damping_ratio=0.2), 0.2),
+        (Elasticity(OMEGA), 0.01),
+    ):
+        springs = springs_of(elasticity, INERTIA, GRAVITY)
+        for k in (0, 2, 3):
+            stiffness = springs.stiffness[k] + GRAVITY[k]
+            roots = np.roots([INERTIA[k], springs.damping[k], stiffness])
+            np.testing.assert_allclose(np.abs(roots), OMEGA[k], rtol=1e-12)
+            np.testing.assert_allclose(-roots.real / np.abs(roots), zeta, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "frequency, message",
+    [
+        (30.0, "natural_frequency: 30 rad/s, but gravity alone makes joint 3 swing with 30; exp"),
+        (1e200, "natural_frequency 1e+200 rad/s and damping_ratio 0.01 are too large for joint 3"),
+    ],
+)
+def test_frequencies_that_no_spring_has_are_refused(frequency, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        springs_of(Elasticity([0.0, 0.0, frequency, 0.0]), INERTIA, [0, 0, 900.0 * 790, 0])
