@@ -113,10 +113,6 @@ def identify(
 ) -> Identified:
     """Identify a robot from recordings, as `sdt-drake identify`.
 
-        found = sdt.identify("sdt", "run.csv")
-        print(found)  # torque not explained [%], by joint
-        robot = sdt_drake.machine.identify.model.identified_robot(found)
-
     Args:
         robot: the robot before identification, its SDF or URDF file, or the name of a shipped one.
         recordings: one recording or a list. Each is a file with time [s], q_k [rad] and tau_k
@@ -137,6 +133,22 @@ def identify(
 
     Raises:
         InputError: naming the wrong argument or recording.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("real_device"), motion=motion)
+        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> found = sdt.identify("sdt", "run.csv", only="friction")
+        >>> print(found)
+        Identified sdt from run.csv: torque not explained, in held-out data
+        joint        by the file [%]  identified [%]
+        1 planetary             6.16            0.02
+        2 roll                 37.76            0.19
+        3 pitch                12.14            0.02
+        4 yaw                  19.56            0.05
     """
     from sdt_drake.machine.identify import procedure  # needs an extra
 
@@ -174,10 +186,6 @@ def replay(
 ) -> replaying.Replay:
     """Simulate a recorded reference in the loop of a scenario, as `sdt-drake replay`.
 
-        replayed = sdt.replay("run.csv", sdt.load("coupled_pi_ctc"))
-        print(replayed)  # share of the recording that the simulation explains
-        replayed.plot().savefig("replay.png")
-
     Args:
         recording: a file with the reference (q_ref_k [rad] or v_ref_k [rad/s], joint side) and
             measured signals (some of q_k, v_k, joint side, and tau_k [N m]), or an object from
@@ -190,6 +198,17 @@ def replay(
 
     Raises:
         InputError: naming the wrong argument or recording.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("coupled_pi_ctc"), motion=motion)
+        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> replayed = sdt.replay("run.csv", sdt.load("wrong_model"))
+        >>> replayed.explained("speed_error").round(2)  # share of the recorded error
+        array([1.  , 0.97, 1.  , 1.  ])
     """
     checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     robot = load_device(scenario)
@@ -211,11 +230,6 @@ def learn(
 ) -> flying.Lessons:
     """Fly a motion several times and learn a reference from its errors, as `sdt-drake learn`.
 
-        design = sdt.design(sdt.load("wrong_model", {"controller.kind": "p_pi"}))
-        lessons = sdt.learn(design, flights=3)
-        print(lessons)  # the error of each flight
-        better = design.given(lessons.best.learned)
-
     Args:
         design: a scenario or its design.
         flights: largest number of flights, the first included.
@@ -234,6 +248,16 @@ def learn(
 
     Raises:
         InputError: naming the wrong argument, or if learning would not converge.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> scenario = sdt.load("wrong_model", {"controller.kind": "p_pi"})
+        >>> lessons = sdt.learn(sdt.design(scenario, motion=motion), flights=2)
+        >>> [float(np.rad2deg(flight.largest.max()).round(3)) for flight in lessons.flights]  # deg
+        [0.058, 0.013]
     """
     checked_count(flights, "flights")
     design = as_design(design)
@@ -278,9 +302,6 @@ def export(
 ) -> list[drive_files.Fed]:
     """Write a motion as files for drives, PLCs and ROS 2, as `sdt-drake export`.
 
-        fed = sdt.export(sdt.load("training"), "drives", "exported")
-        print(fed[1].source, fed[1].position_error)  # [rad], joint side
-
     Args:
         design: a scenario or its design, which gives the motion and the loop.
         drives: data of the joints' drives (motor side), a file, or the name of a shipped one.
@@ -294,6 +315,16 @@ def export(
     Raises:
         InputError: naming the wrong argument or file. Also for a motion that does not start and end
             at rest, or exceeds the range of a drive.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("coupled_pi_ctc"), motion=motion)
+        >>> files = sdt.export(design, "drives", "exported")
+        >>> files[1].source, float(np.rad2deg(files[1].position_error.max()).round(2))  # deg
+        ('set_points.csv', 0.98)
     """
     if checked_count(cam_points, "cam_points") < 2:
         raise InputError(f"cam_points: {cam_points}, expected at least 2")

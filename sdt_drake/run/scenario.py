@@ -291,5 +291,10 @@ def save_scenario(scenario: Scenario, path: str | Path) -> None:
 
     Raises:
         InputError: if `scenario` is no scenario, or the file cannot be written.
+
+    Examples:
+        >>> save_scenario(load_scenario("axis_pi", {"period": 0.002}), "mine.yaml")
+        >>> load_scenario("mine.yaml").period
+        0.002
     """
     write_yaml(path, scenario)

@@ -116,6 +116,10 @@ def view(
 
     Raises:
         InputError: if the robot has no pilot's head, or the motion is too long.
+
+    Examples:
+        >>> import sdt_drake as sdt
+        >>> sdt.view(sdt.load("axis_pi")).save("run.html")
     """
     design = as_design(design)
     motion, title = design.motion, design.scenario.name
