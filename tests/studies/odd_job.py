@@ -6,6 +6,7 @@ import os
 import select
 import shutil
 import signal
+import sys
 import threading
 import time
 from dataclasses import dataclass, field
@@ -76,3 +77,11 @@ def wait_for_end(process: int) -> None:
         return
     assert select.select([descriptor], [], [], 60)[0]
     os.close(descriptor)
+
+
+if __name__ == "__main__":  # a process whose process hangs in its second row
+    from sdt_drake.studies.pool import Pool
+
+    pool = Pool(OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly"))
+    print(process_of(pool.submit(0, {}).result()), flush=True)
+    pool.submit(1, {}).result()

@@ -1,4 +1,4 @@
-"""Processes that run rows: they hang, they die, and the study goes on."""
+"""Processes that run rows, here and on a cluster: they hang, they die, and the study goes on."""
 
 from __future__ import annotations
 
@@ -8,14 +8,20 @@ import signal
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from multiprocessing import resource_tracker
 from pathlib import Path
 
+import odd_job
 import pytest
 from odd_job import OddJob, process_of, wait_for_end
+from small_studies import RUNS, rows
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.job import make_job
 from sdt_drake.studies.pool import Pool
+from sdt_drake.studies.study import load_study
 from sdt_drake.studies.table import Row
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
@@ -86,28 +92,13 @@ def test_each_row_reports_a_process_that_does_not_start(pool):
             future.result()
 
 
-MAIN = """
-import sys, threading
-from odd_job import OddJob, process_of
-from sdt_drake.studies.pool import Pool
-
-if __name__ == "__main__":
-    pool = Pool(OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly"))
-    print(process_of(pool.submit(0, {}).result()), flush=True)
-    pool.submit(1, {})
-    threading.Event().wait()
-"""
-
-
 def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary):
     """In the middle of a row, and leaves no files."""
     os.mkfifo(tmp_path / "hangs")  # which the row opens before it hangs
-    (tmp_path / "main.py").write_text(MAIN)
-    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     main = subprocess.Popen(
-        [sys.executable, tmp_path / "main.py", tmp_path],
+        [sys.executable, odd_job.__file__, tmp_path],
         stdout=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": path},
+        env={**os.environ, "TMPDIR": str(temporary)},
     )
     with main:
         process = int(main.stdout.readline())
@@ -115,3 +106,42 @@ def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary):
         main.kill()
     wait_for_end(process)
     assert list(temporary.iterdir()) == []
+
+
+# --- on a cluster ----------------------------------------------------------------------------
+
+
+def test_a_study_survives_a_worker_and_reports_other_versions_and_a_lost_scheduler(
+    desk, undisturbed
+):
+    distributed = pytest.importorskip("distributed")
+    from sdt_drake.studies.cluster import Cluster, run_row
+
+    job, reported = make_job(*load_study("many.yaml")), []
+    for file in desk.glob("*.yaml"):
+        file.unlink()
+    other = replace(job, versions=job.versions | {"drake": "1.0"})
+    with pytest.raises(InputError, match="that joined has drake"):
+        run_row(other, 0, {})
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+    ) as dask:
+        killed = dask.workers[0].pid
+
+        def report(done: int, *counts) -> None:
+            reported.append((done, *counts))
+            if done == 5:
+                os.kill(killed, signal.SIGKILL)
+
+        run_study(job, desk / "many", cluster=dask.scheduler_address, report=report)
+        assert killed not in {worker.pid for worker in dask.workers.values()}
+        assert rows(desk / "many").equals(rows(undisturbed))
+        assert reported == [(done, 0, RUNS) for done in range(RUNS + 1)]
+        with pytest.raises(InputError, match=r"worker tcp.* has drake .* \(here: 1.0\); install"):
+            Cluster(other, dask.scheduler_address, print)
+        cluster = Cluster(OddJob(str(desk), {1: "hang"}), dask.scheduler_address, print)
+        cluster.submit(0, {}).result()
+        running = cluster.submit(1, {})
+    with pytest.raises(InputError, match=r"--cluster: .*; .*--resume"):
+        running.result()
+    cluster.close()

@@ -1,4 +1,4 @@
-"""Studies as data: distributions, draws, rows, and what is refused."""
+"""Studies as data: distributions, draws, rows, fields, and what is refused."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.robot.device import Friction
+from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
-from sdt_drake.studies.study import Study, Variable
+from sdt_drake.studies.fields import find_field
+from sdt_drake.studies.study import Study, Variable, load_study
 
 
 @pytest.fixture
@@ -53,12 +56,10 @@ def test_a_quantile_is_where_its_share_of_the_distribution_is(mean, std, first, 
 BAD_VARIABLES = [
     (Uniform(1, 1), "period", "distribution.*: low 1, high 1, expected low < high"),
     (Normal(0, 1, 40), "period", "less than 1e-6 of the distribution lies between"),
-    (Grid(1, 1, 3), "period", "start and stop are both 1"),
     (List([1.0, 2.0, 1.0]), "period", "values: .* has a value twice"),
     (Choice(["a"]), "period", "period gets texts .*, expected numbers"),
     (Uniform(0, 1), "controller.anti_windup", r"gets numbers, expected texts \(!Choice\)"),
     (Choice(["true", "maybe"]), "controller.anti_windup", "'maybe', expected true or false"),
-    (Choice(["p_pi", "p_pi+none"]), "controller", "'p_pi.none' is given twice"),
     (Choice(["a\0.yaml"]), "motion", r"values: 'a\\x00.yaml', expected printable"),
 ]
 
@@ -73,7 +74,6 @@ U = variable(Uniform(0, 1))
 ZETA = variable(Uniform(0, 1), "controller.zeta", name="a")
 ZETA_2 = variable(Uniform(0, 1), "controller.zeta[2]", name="b")
 BAD_STUDIES = [
-    ([], {}, "variables: none, expected at least one"),
     ([Variable("x", distribution=List([1.0]))], {}, "fields: none"),
     ([U, U], {}, "disturbance.amplitude names two variables"),
     ([variable(Grid(0, 1))], {"draws": 2}, "draws: 2, but no variable is random; remove"),
@@ -118,15 +118,10 @@ def test_draws_do_not_depend_on_other_variables(sampling):
 
 
 def test_draws_stay_the_same_for_ever():
-    """What a study gave last year it gives today: these are numbers of PCG64 and of scipy's qmc."""
+    """What a study gave last year it gives today: these are numbers of PCG64."""
     study = Study(draws=2, seed=7, variables=[variable(Uniform(0, 1), name="x")])
     expected = np.random.default_rng([7, 0x8CDC1683]).random(2)  # CRC-32 of "x"
     assert [study.inputs(row)["x"] for row in range(2)] == expected.tolist()
-    study = dataclasses.replace(study, sampling="latin_hypercube")
-    (jitter,) = np.random.default_rng([7, 0x8CDC1683]).spawn(1)
-    order = np.array([1, 2])
-    jitter, _ = jitter.uniform(size=2), jitter.shuffle(order)
-    assert [study.inputs(row)["x"] for row in range(2)] == ((order - jitter) / 2).tolist()
 
 
 def test_every_combination_for_every_draw():
@@ -161,3 +156,60 @@ def test_scenario_of_a_row(base):
     expected |= {"disturbance.amplitude": 0.5, "accuracy": 1e-3}  # of studies
     assert study.scenario_of(base, inputs) == with_fields(base, expected)
     assert base.controller.kind == "pi"
+
+
+# --- fields by dotted name -------------------------------------------------------------------
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    """With a friction and a device."""
+    scenario = Scenario(device=DeviceChoice(motors=["a", "b"]))
+    scenario.plant.friction = Friction(coulomb=[1.0, 2.0, 4.0])
+    return scenario
+
+
+@pytest.mark.parametrize(
+    ("name", "how", "value", "expected"),
+    [
+        ("controller.anti_windup", "value", True, True),
+        ("plant.friction.coulomb[3]", "value", 9.0, [1, 2, 9]),
+        ("plant.friction.coulomb", "value", 7.0, [7, 7, 7]),
+        ("plant.friction.coulomb", "factor", 3.0, [3, 6, 12]),
+        ("plant.friction.coulomb[2]", "offset", 3.0, [1, 5, 4]),
+        ("device.motors[2]", "value", "c", ["a", "c"]),
+        ("period", "factor", 3.0, 0.015),
+    ],
+)
+def test_sets_what_it_gets_and_nothing_else(scenario, name, how, value, expected):
+    field, before = find_field(name), dataclasses.asdict(scenario)
+    field.put(scenario, value, how)
+    assert field.type is type(value) and field.get(scenario) == pytest.approx(expected)
+    after = dataclasses.asdict(scenario)
+    assert [key for key in before if before[key] != after[key]] == [name.split(".")[0]]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("controller.coulomb", "(mean|one of) .?plant.friction.coulomb"),
+        ("controller.kp[0]", "not a field of a scenario, did you mean 'controller.kp'"),
+        ("zzz", "not a field of a scenario, expected one of name, robot, "),
+        ("plant.friction", "a group of fields, expected one of plant.friction.coulomb, "),
+        ("period[1]", "period is not a list"),
+        ("controller.kp[2]", "empty in the base scenario; add"),
+        ("plant.friction.coulomb[4]", r"list has 3 value\(s\), expected"),
+        ("controller.omega_r", "to apply a factor to; add"),
+    ],
+)
+def test_a_field_that_cannot_be_scaled_is_refused(scenario, name, message):
+    with pytest.raises(InputError, match=message):
+        find_field(name).put(scenario, 1.0, "factor")
+
+
+def test_a_change_is_refused_where_the_study_would_overwrite_it():
+    for kept in ({"controller.omega_ratio": 0.4}, {"plant.friction.coulomb[2]": 3}):  # it scales
+        assert load_study("monte_carlo", kept)[1] == load_scenario("uncertain", kept)
+    for lost in ("controller.kind", "plant.deviation.payload_mass", "accuracy"):
+        with pytest.raises(InputError, match=rf"^{lost}: .*monte_carlo.yaml sets"):
+            load_study("monte_carlo", {lost: 1})

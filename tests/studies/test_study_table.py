@@ -1,18 +1,26 @@
-"""The table of a study: worst joints, groups, designs, and the front of the best of them."""
+"""The table of a study: worst joints, designs and their front; statistics against closed forms."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import dataclasses
 
 import numpy as np
 import pytest
-from synthetic import table_of
+from synthetic import make_table, small_table, table_of
 
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.studies import results
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import Study, Variable
+from sdt_drake.studies.summary import (
+    count_statuses,
+    explained_share,
+    percentiles,
+    sensitivity,
+    tornado,
+    worst_runs,
+)
 from sdt_drake.studies.table import pareto
 
 
@@ -31,14 +39,6 @@ def test_every_family_has_title_and_unit():
         assert metric_of(f"{name}_12") is quantity
     assert metric_of("max_abs_position_error_1").factor == pytest.approx(180 / np.pi)
     assert metric_of("peak_torque_share_1").factor == 100
-
-
-def test_runs_of_one_draw_have_its_random_inputs():
-    folder = Path(__file__).parents[2] / "diagrams" / "studies" / "monte_carlo"
-    table = results.read_study_table(folder)
-    assert list(table.groups["pi"].draw) == list(range(250))  # parts keep the numbers of rows
-    friction = table.inputs["friction"].reshape(250, 4)
-    assert np.all(friction == friction[:, :1]) and len(np.unique(friction)) == 250
 
 
 def test_what_a_designer_chooses():
@@ -72,3 +72,89 @@ def test_a_design_is_as_good_as_the_worst_of_its_runs_and_out_if_one_failed():
 )
 def test_a_front_by_hand(cost, error, expected):
     assert pareto(cost, error).tolist() == list(map(bool, expected))
+
+
+# --- counts and percentiles ------------------------------------------------------------------
+
+
+def test_statuses_and_reasons():
+    ok, infeasible = count_statuses(make_table())
+    assert (ok.status, ok.runs, ok.reasons) == ("ok", 588, [])
+    assert (infeasible.status, infeasible.runs) == ("infeasible", 12)
+    # The numbers that are the same in all of them stay, and so does the joint.
+    assert infeasible.reasons == [("joint 2 needs … N m, expected at most 90 N m", 12, 7)]
+
+
+def test_percentiles_and_worst_runs_are_of_the_runs_that_are_ok():
+    y = np.array([*range(101), 1e9, np.nan])
+    table = small_table(y, status=["ok"] * 101 + ["failed", "ok"])
+    np.testing.assert_allclose(percentiles(table, "y"), [5, 25, 50, 75, 95, 99, 100])
+    assert list(worst_runs(table, "y", 3).row) == [100, 99, 98]
+    assert list(worst_runs(small_table([1, 2, 2, np.nan]), "y", 9).row) == [1, 2, 0]
+
+
+# --- what matters ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def generator():
+    return np.random.default_rng(3)
+
+
+def test_the_ishigami_function(generator):
+    """Ishigami and Homma, 1990, with a = 7, b = 0.1: first-order indices in closed form."""
+    x = generator.uniform(-np.pi, np.pi, (20_000, 3))
+    y = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    v1, v2 = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 7**2 / 8
+    total = 7**2 / 8 + 0.1 * np.pi**4 / 5 + 0.1**2 * np.pi**8 / 18 + 0.5
+    for k, exact in enumerate((v1 / total, v2 / total, 0)):
+        assert explained_share(x[:, k], y).value == pytest.approx(exact, abs=0.015)
+
+
+@pytest.mark.parametrize("levels", [None, 12], ids=["numbers", "texts"])
+def test_noise_explains_nothing_on_average(generator, levels):
+    def draw():
+        return generator.integers(levels, size=100).astype(str) if levels else generator.random(100)
+
+    shares = [explained_share(draw(), generator.normal(size=100)) for _ in range(200)]
+    shares, errors = np.array(shares).T
+    # They say how far chance takes the share, a little more where groups are small.
+    assert 0.8 * np.std(shares) < np.sqrt(np.mean(errors**2)) < 1.8 * np.std(shares)
+    assert np.mean(shares) == pytest.approx(0, abs=4 * np.std(shares) / np.sqrt(200))
+
+
+@pytest.mark.parametrize(("draws", "levels"), [(20, 20), (100, 4)])
+def test_runs_of_one_draw_are_one_sample_of_what_is_drawn(generator, draws, levels):
+    """y = x + g, with z drawn beside x, and each draw run at every level of g: z explains nothing,
+    and neither takes the variance of g for its own."""
+    g = np.tile(np.arange(levels) / levels, draws)
+    exact = 1 / 12 / (1 / 12 + np.var(g))
+    found = []
+    for _ in range(50):
+        x, z = generator.uniform(size=(2, draws)).repeat(levels, axis=1)
+        table = dataclasses.replace(small_table(x + g, x=x, z=z, g=g), per_draw=levels)
+        found.append([sensitivity(table, "y")[name] for name in "xzg"])
+    values, errors = np.moveaxis(np.array(found), -1, 0)
+    assert np.mean(values[:, 1]) == pytest.approx(0, abs=4 * np.std(values[:, 1]) / np.sqrt(50))
+    assert np.mean(values[:, 0]) == pytest.approx(exact, abs=0.08)  # what few bins lose
+    assert np.mean(values[:, 2]) == pytest.approx(1 - exact, abs=0.02)
+    assert np.all(0.7 * values.std(axis=0)[:2] < errors.mean(axis=0)[:2])
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (20, 3)])
+def test_in_a_full_grid_nothing_is_chance(rows, columns):
+    """Less than chance would have given, 5 by 5 equal inputs explained 40 ± 14 % each."""
+    x, z = (grid.ravel() for grid in np.indices((rows, columns)))
+    y = 3.0 * x + np.sin(z)
+    for one, own in ((x, 3.0 * x), (z.astype(str), np.sin(z))):
+        share = explained_share(one, y, np.zeros(len(y), dtype=int))
+        assert share == pytest.approx((np.var(own) / np.var(y), 0), rel=1e-12)
+
+
+def test_a_tornado_is_of_the_outer_fifths_of_numbers_and_of_the_levels_of_texts():
+    x = np.arange(1000.0)
+    swing, nothing = tornado(small_table(x, z=np.tile([0.0, 1.0], 500), x=x), "y")
+    assert (swing.name, swing.low, swing.high, swing.low_level) == ("x", 99.5, 899.5, "")
+    assert nothing.name == "z" and nothing.width == pytest.approx(1)
+    (swing,) = tornado(small_table([1, 5, 3, 2, 6, 3], c=list("abcabc")), "y")
+    assert (swing.low_level, swing.low, swing.high_level, swing.high) == ("a", 1.5, "b", 5.5)
