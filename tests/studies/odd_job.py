@@ -79,9 +79,10 @@ def wait_for_end(process: int) -> None:
     os.close(descriptor)
 
 
-if __name__ == "__main__":  # a process whose process hangs in its second row
+if __name__ == "__main__":  # a study whose second row may misbehave
     from sdt_drake.studies.pool import Pool
 
-    pool = Pool(OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly"))
+    pool = Pool(OddJob(sys.argv[1], {1: sys.argv[2]}, start="tidy slowly"))
     print(process_of(pool.submit(0, {}).result()), flush=True)
-    pool.submit(1, {}).result()
+    pool.submit(1, {})
+    threading.Event().wait()

@@ -92,17 +92,19 @@ def test_each_row_reports_a_process_that_does_not_start(pool):
             future.result()
 
 
-def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary):
-    """In the middle of a row, and leaves no files."""
+@pytest.mark.parametrize("act", ["hang", ""])
+def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary, act):
+    """In the middle of a row or without one, and leaves no files."""
     os.mkfifo(tmp_path / "hangs")  # which the row opens before it hangs
     main = subprocess.Popen(
-        [sys.executable, odd_job.__file__, tmp_path],
+        [sys.executable, odd_job.__file__, tmp_path, act],
         stdout=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(temporary)},
     )
     with main:
         process = int(main.stdout.readline())
-        (tmp_path / "hangs").read_bytes()
+        if act == "hang":
+            (tmp_path / "hangs").read_bytes()
         main.kill()
     wait_for_end(process)
     assert list(temporary.iterdir()) == []

@@ -13,13 +13,13 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.distributions import Choice, List, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.runs import Runner
-from sdt_drake.studies.study import Study, Variable
+from sdt_drake.studies.study import Study, Variable, load_study
 from sdt_drake.studies.table import Row
 
 
@@ -39,8 +39,7 @@ def without_duration(row: Row) -> str:
 def test_outcomes_are_those_of_a_run(base, robot):
     runner = Runner(Study(variables=[of("disturbance.amplitude", List([0.1, 0.2]))]), base)
     row = runner.run(1)
-    disturbance = dataclasses.replace(base.disturbance, amplitude=0.2)
-    design = make_design(dataclasses.replace(base, accuracy=1e-3, disturbance=disturbance))
+    design = make_design(with_fields(base, {"accuracy": 1e-3, "disturbance.amplitude": 0.2}))
     recording = simulate(design)
     tracking, motors = track(recording, design.motion), motor_use(recording, robot)
     outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
@@ -113,51 +112,41 @@ def test_what_goes_wrong_in_a_row_becomes_its_reason(base, monkeypatch):
 # --- jobs ------------------------------------------------------------------------------------
 
 
-def own_files(desk) -> tuple[Study, Scenario]:
-    """A base with a robot, its uncertainty and a motion of its own, varied over two motions."""
-    own = desk / "own"
-    own.mkdir()
+def test_a_job_has_its_files_with_it(desk, tmp_path, monkeypatch):
+    """A robot, its uncertainty and a motion of its own, varied over two motions."""
     deviation = "kind: axis, deviation: {spread: spread.csv, along: [1]}"
     columns = [f"x_{k + 1}" for k in range(50)]  # ten for each link
     for name, text in {
         "device.sdf": (models_dir() / "sdt.sdf").read_text(),
-        "base.yaml": "robot: device.sdf\n"
-        + (desk / "axis.yaml").read_text().replace("kind: axis", deviation),
-        "short.yaml": (desk / "short.yaml").read_text(),
         "spread.csv": f"row,{','.join(columns)}\n1{50 * ',0.01'}\n",
+        "base.yaml": (desk / "axis.yaml").read_text().replace("kind: axis", deviation)
+        + "robot: device.sdf\n",
     }.items():
-        (own / name).write_text(text)
-    study = Study("s", variables=[of("motion", Choice(["own/short.yaml", "coriolis"]))])
+        (desk / name).write_text(text)
+    base = load_scenario("base.yaml")
+    study = Study(variables=[of("motion", Choice(["short.yaml", "coriolis"]))])
     study.folder = desk
-    return study, load_scenario(own / "base.yaml")
-
-
-def test_a_job_has_its_files_with_it(desk, tmp_path, monkeypatch):
-    study, base = own_files(desk)
     with pytest.raises(InputError, match="no such file"):
         make_job(study, dataclasses.replace(base, motion="nowhere.yaml"))
     job = make_job(study, base)
-    assert {*job.files} == {base.robot, base.motion, "own/short.yaml", base.plant.deviation.spread}
-    for file in (desk / "own").iterdir():
+    assert {*job.files} == {base.robot, base.motion, "short.yaml", base.plant.deviation.spread}
+    for file in desk.iterdir():
         file.unlink()
-    (tmp_path / "there").mkdir()
-    monkeypatch.chdir(tmp_path / "there")
     row = job.runner(tmp_path / "there").run(0)
     assert (row.status, row.reason) == ("ok", "")
 
 
-def test_a_fingerprint_is_of_every_number_of_a_study_and_of_nothing_else(desk):
-    study, base = own_files(desk)
-    first = make_job(study, base).fingerprint
+@pytest.mark.parametrize(
+    ("file", "old", "new", "is_same"),
+    [
+        ("few.yaml", "draws: 3", "draws: 3\ntimeout: 7", True),
+        ("few.yaml", "draws: 3", "draws: 3\nseed: 7", False),
+        ("axis.yaml", "0.98", "0.97", False),
+        ("short.yaml", "0.5]]", "0.4]]", False),
+    ],
+)
+def test_a_fingerprint_is_of_every_number_of_a_study(desk, file, old, new, is_same):
+    first = make_job(*load_study("few.yaml")).fingerprint
     moved = desk.rename(desk.parent / "moved")
-    there, study.folder, study.timeout = load_scenario(moved / "own" / "base.yaml"), moved, 7.0
-    assert make_job(study, there).fingerprint == first
-
-    found = {first}
-    there.disturbance.amplitude = 0.1
-    found.add(make_job(study, there).fingerprint)
-    study.seed = 1
-    found.add(make_job(study, there).fingerprint)
-    motion = moved / "own" / "short.yaml"
-    motion.write_text(motion.read_text().replace("0.5]]", "0.4]]"))
-    assert make_job(study, there).fingerprint not in found and len(found) == 3
+    (moved / file).write_text((moved / file).read_text().replace(old, new))
+    assert (make_job(*load_study(moved / "few.yaml")).fingerprint == first) == is_same

@@ -44,19 +44,14 @@ def change(folder, statement, *values):
         ("axis.yaml", "axis.yaml: is a scenario, expected a study"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
-        ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
         ("few.yaml --out .", ".: contains other files, expected an empty folder"),
         ("few.yaml --resume", "few: no study to resume"),
         ("few.yaml --out old", "old: contains an unfinished study of version 0.3 or older (rows."),
         ("show old", "old: contains an unfinished study of version 0.3 or older (rows.jsonl)"),
         ("show nowhere", "nowhere: contains no study"),
         ("repeat mc --row 16", "--row 16, expected 0 to 15"),
-        ("repeat mc --row 1 --out x.png", "x.png: unknown kind of file, expected .csv"),
         ("many.yaml --out mc", "mc: contains this study; continue it with --resume"),
-        (
-            "few.yaml --out mc",
-            "mc: contains another study, which differs in study.yaml (name, draws",
-        ),
+        ("few.yaml --out mc", "mc: contains another study, which differs in study.yaml (name, dr"),
     ],
 )
 def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
@@ -124,9 +119,7 @@ def test_a_study_with_more_time_for_its_runs_is_the_same(copied, files, capfd, u
 def test_a_study_is_shown_and_repeated_without_its_database(copied, undisturbed, capfd):
     """Of an older version, too: rows and inputs come from results.parquet."""
     with Store(copied) as store:
-        names = ("fingerprint", "outcomes", "files", "versions")
-        state = {name: store.about[name] for name in names}
-    state["versions"]["package"] = "0.1.0"
+        state = store.about | {"versions": {"package": "0.1.0"}}
     (copied / "state.json").write_text(json.dumps(state))
     (copied / DATABASE).rename(copied / "rows.jsonl")
     np.testing.assert_equal(*(vars(read_study_table(x)) for x in (copied, undisturbed)))
@@ -144,9 +137,6 @@ def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
     assert printed["controller"] == [expected["controller"]]
     degrees = np.degrees(expected["max_abs_position_error_2"])
     assert printed["largest position error [deg]"][1] == f"{degrees:.3f}"
-    torque, felt = 100 * expected["peak_torque_share_2"], 100 * expected["felt_share"]
-    assert printed["peak torque [% of the motor]"][1] == f"{torque:.1f}"
-    assert printed["error that can be felt [% of time]"] == [f"{felt:.1f}"]
     error = np.abs(Recording.from_csv(desk / "row.csv").speed_error).max(axis=0)
     assert error[1] == expected["max_abs_speed_error_2"] > 0
 
@@ -159,10 +149,9 @@ def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
 def test_shows_what_is_done(copied, capfd, undrawn):
     change(copied, "DELETE FROM rows WHERE row > 4")
     assert main(["study", "show", f"{copied}"]) == 0
-    assert capfd.readouterr().out.startswith(
-        f"many: 5 of {RUNS} runs have a result; {RUNS - 5} of {RUNS} runs are not finished\n"
-    )
-    assert f"{RUNS - 5} of {RUNS} runs are not finished." in (copied / "report.html").read_text()
+    said = f"{RUNS - 5} of {RUNS} runs are not finished"
+    assert capfd.readouterr().out.startswith(f"many: 5 of {RUNS} runs have a result; {said}\n")
+    assert said in (copied / "report.html").read_text()
 
 
 def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):
@@ -170,12 +159,11 @@ def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):
     folder = shutil.copytree(undisturbed, desk / "many")
     assert main(["study", "many.yaml", "--resume"]) == 0
     assert "many/results.csv written" in capfd.readouterr().out
-    names, *lines = csv.reader((folder / "results.csv").open())
-    columns = dict(zip(names, zip(*lines, strict=True), strict=True))
-    felt = read_study_table(folder).outcomes["felt_share"].tolist()
-    assert [*map(int, columns["row"])] == [*range(RUNS)] and columns["controller"][1] == "p_pi+id"
-    assert [*map(float, columns["felt_share"])] == felt
-    assert set(columns["constant_speed_error_1"]) == {""}  # nothing is that long
+    found = [*csv.DictReader((folder / "results.csv").open())]
+    expected = rows(undisturbed).to_pylist()
+    assert [float(row["felt_share"]) for row in found] == [row["felt_share"] for row in expected]
+    assert found[1]["controller"] == "p_pi+id"
+    assert {row["constant_speed_error_1"] for row in found} == {""}  # nothing is that long
 
 
 @pytest.mark.parametrize(("kept", "code"), [(10, 0), (0, 1)])
