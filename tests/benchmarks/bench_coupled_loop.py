@@ -16,10 +16,8 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     Adder,
@@ -41,8 +39,6 @@ from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.scenario import load_scenario, with_fields
 from sdt_drake.run.simulate import make_simulator
 
-Array = NDArray[np.float64]
-
 CONTROLLERS = ("pi", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 TARGETS = {"floor": 1.0, "table": 1.1, "online": 1.5, **dict.fromkeys(CONTROLLERS, 1.6)}
 TARGETS["1 ms drive, friction"] = 8.0
@@ -52,60 +48,35 @@ EXACT = 12.0  # s
 def make_floor(design: Design) -> Diagram:
     """PI + CTC on the MultibodyPlant from Drake's primitives alone, constant limits."""
     robot, motion, gains, n = design.robot, design.motion, design.gains, design.robot.n
-    builder = DiagramBuilder()
-    add = builder.AddNamedSystem
-
-    def held(name, samples):
-        table = PiecewisePolynomial.FirstOrderHold(motion.time, samples.T)
-        source = add(f"{name}_source", TrajectorySource(table))
-        hold = add(name, ZeroOrderHold(motion.period, n))
-        builder.Connect(source.get_output_port(), hold.get_input_port())
-        return hold.get_output_port()
-
-    def wire(port, *systems_and_port):
-        *systems, last = systems_and_port
-        for system in systems:
-            builder.Connect(port, system.get_input_port())
-            port = system.get_output_port()
-        builder.Connect(port, last)
-
-    v_ref, tau_ff = held("v_ref", motion.v), held("tau_ff", design.loads.load_torque)
     limit, ratio = robot.motor_torque_limit, robot.gear_ratio
-    plant, split = add("plant", robot.make_plant()), add("split", Demultiplexer([n, n]))
-    minus_v_motor, kp = add("minus_v_motor", Gain(-ratio)), add("kp", Gain(gains.kp))
-    error, integral = add("error", Adder(2, n)), add("integral", Integrator(n))
-    tau_fb, tau_cmd = add("tau_fb", Adder(2, n)), add("tau_cmd", Adder(2, n))
-    saturation, gears = add("saturation", Saturation(-limit, limit)), add("gears", Gain(ratio))
-    wire(plant.get_state_output_port(), split.get_input_port())
-    wire(v_ref, add("ref_motor", Gain(ratio)), error.get_input_port(0))
-    wire(split.get_output_port(1), minus_v_motor, error.get_input_port(1))
-    ki = add("ki", Gain(gains.ki))
-    wire(error.get_output_port(), integral, ki, tau_fb.get_input_port(0))
-    wire(minus_v_motor.get_output_port(), kp, tau_fb.get_input_port(1))
-    wire(tau_fb.get_output_port(), tau_cmd.get_input_port(0))
-    wire(tau_ff, tau_cmd.get_input_port(1))
-    wire(tau_cmd.get_output_port(), saturation, gears, plant.get_actuation_input_port())
-    ports = {
-        "state": plant.get_state_output_port(),
-        "tau_cmd": tau_cmd.get_output_port(),
-        "tau": saturation.get_output_port(),
-        "tau_ff": tau_ff,
-    }
-    for name, port in ports.items():
+    builder = DiagramBuilder()
+
+    def of(system, *ports):
+        """Add a system, wire its inputs, and return its last output."""
+        builder.AddSystem(system)
+        for k, port in enumerate(ports):
+            builder.Connect(port, system.get_input_port(k))
+        return system.get_output_port(system.num_output_ports() - 1)
+
+    def held(samples):
+        table = PiecewisePolynomial.FirstOrderHold(motion.time, samples.T)
+        return of(ZeroOrderHold(motion.period, n), of(TrajectorySource(table)))
+
+    plant = builder.AddSystem(robot.make_plant())
+    state, tau_ff = plant.get_state_output_port(), held(design.loads.load_torque)
+    minus_v = of(Gain(-ratio), of(Demultiplexer([n, n]), state))
+    error = of(Adder(2, n), of(Gain(ratio), held(motion.v)), minus_v)
+    integral = of(Gain(gains.ki), of(Integrator(n), error))
+    tau_cmd = of(Adder(3, n), integral, of(Gain(gains.kp), minus_v), tau_ff)
+    tau = of(Saturation(-limit, limit), tau_cmd)
+    builder.Connect(of(Gain(ratio), tau), plant.get_actuation_input_port())
+    for name, port in {"state": state, "tau_cmd": tau_cmd, "tau": tau, "tau_ff": tau_ff}.items():
         LogVectorOutput(port, builder, publish_period=motion.period).set_name(f"log.{name}")
     return builder.Build()
 
 
-class Run(NamedTuple):
-    """CPU time of stepping [s], evaluations of the derivatives, and the speeds, (samples, n)."""
-
-    time: float
-    evaluations: int
-    speeds: Array
-
-
-def run(diagram: Diagram, duration: float, period: float, accuracy: float) -> Run:
-    """Advance a fresh simulator over `duration` [s]."""
+def run(diagram: Diagram, duration: float, period: float, accuracy: float):
+    """Return the CPU time of stepping [s], evaluations of the derivatives, and speeds."""
     simulator = make_simulator(diagram, period=period, accuracy=accuracy)
     context = simulator.get_mutable_context()
     if isinstance(diagram, Loop):
@@ -116,7 +87,7 @@ def run(diagram: Diagram, duration: float, period: float, accuracy: float) -> Ru
     taken = time.process_time() - start
     states = diagram.GetSubsystemByName("log.state").FindLog(context).data()
     evaluations = simulator.get_integrator().get_num_derivative_evaluations()
-    return Run(taken, evaluations, states[len(states) // 2 :].T.copy())
+    return taken, evaluations, states[len(states) // 2 :].T.copy()
 
 
 def loops_of_all() -> tuple[Design, dict[str, Diagram]]:
@@ -133,24 +104,27 @@ def loops_of_all() -> tuple[Design, dict[str, Diagram]]:
     return table, loops
 
 
-def main(rounds: int) -> None:
+def main(rounds: int = 9) -> dict[str, float]:
+    """Print the table, and return the times as ratios to the floor."""
     design, loops = loops_of_all()
     motion, accuracy = design.motion, design.scenario.accuracy
-    runs = {name: [] for name in loops}
+    times, last = {name: [] for name in loops}, {}
     for _ in range(rounds + 1):
         for name, loop in loops.items():
-            runs[name].append(run(loop, motion.duration, motion.period, accuracy))
-    times = {name: np.array([r.time for r in runs[name][1:]]) for name in loops}  # one warms up
+            last[name] = run(loop, motion.duration, motion.period, accuracy)
+            times[name].append(last[name][0])
+    times = {name: np.array(values[1:]) for name, values in times.items()}  # one warms up
     print(f"floor: {np.median(times['floor']):.3f} s for {motion.duration:g} s of motion")
     head("loop", "times the floor", "target", "evaluations", "us each", "error [rad/s]")
+    ratios = {name: values / times["floor"] for name, values in times.items()}
     for name, target in TARGETS.items():
-        last = runs[name][-1]
-        each = 1e6 * np.median(times[name]) / last.evaluations
-        exact = run(loops[name], EXACT, motion.period, 1e-8).speeds
-        error = np.abs(last.speeds[: len(exact)] - exact).max()
-        ratio = spread(times[name] / times["floor"])
-        row([name, ratio, target, last.evaluations, f"{each:.1f}", f"{error:.1e}"])
+        _, evaluations, speeds = last[name]
+        each = 1e6 * np.median(times[name]) / evaluations
+        _, _, exact = run(loops[name], EXACT, motion.period, 1e-8)
+        error = np.abs(speeds[: len(exact)] - exact).max()
+        row([name, spread(ratios[name]), target, evaluations, f"{each:.1f}", f"{error:.1e}"])
+    return {name: float(np.median(values)) for name, values in ratios.items()}
 
 
 if __name__ == "__main__":
-    main(int([*sys.argv, 9][1]))
+    main(*map(int, sys.argv[1:]))

@@ -1,36 +1,27 @@
 """Flights on the shipped device, beside alignment and washout in one run: what is felt, and how.
 
-    python tests/benchmarks/bench_flights.py [--alone] [FLIGHT.csv ... | MOTION ...]
+    python tests/benchmarks/bench_flights.py [FLIGHT.csv ...]
 
 Without files: the shipped turn, others made by transforming it, and flights of JSBSim's F-16 and
-C172 (`pip install jsbsim`). At equal G error means: on the front, at the G error of the alignment;
-with `--alone`, without a front, at the motion itself, which has no more G error than that.
-Shipped training motions, by their names, are recovered from their own head motion.
+C172, if that is installed (`pip install jsbsim`). At equal G error means: on the front, at the G
+error of the alignment.
 """
 
 from __future__ import annotations
 
-import contextlib
+import importlib.util
 import os
 import sys
-import time as clock
-from functools import partial
 
 import numpy as np
-import timing
+from timing import head, row
 
-from sdt_drake.analysis.perception import LINEAR
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.fly import procedure
 from sdt_drake.machine.fly.flight import make_flight, read_flight
 from sdt_drake.machine.fly.procedure import fly
-from sdt_drake.machine.fly.program import RATE
-from sdt_drake.motion import load_plan, shipped_motions
-from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.robot import load_robot
 
 PERIOD = 1 / 60  # s, of JSBSim
-KNOT = 0.05  # s, of what is recovered
 COLUMNS = ("flight", "s", "G err", "align", "wash", "rot err", "align", "wash", "at equal G [%]",
            "from zero", "align", "vertical", "align", "hor. force felt [%]", "torque [%]",
            "starts [%]", "cpu s")  # fmt: skip
@@ -46,20 +37,19 @@ def transformed():
     yield make_flight(t / 1.5, f, 1.5 * w, "turn at 1.5 times its pace")
 
 
-def flown(model, knots, bank, pull, name, seconds=50.0):
+def flown(name, model, knots, bank, pull, seconds=50.0):
     """A flight of JSBSim: bank [deg] and elevator over time, from level trim."""
     import jsbsim
 
-    with open(os.devnull, "w") as nothing, contextlib.redirect_stdout(nothing):
-        plane = jsbsim.FGFDMExec(os.path.dirname(jsbsim.__file__))
-        plane.set_debug_level(0)
-        plane.load_model(model)
-        plane.set_dt(PERIOD / 2)
-        for place, value in (("ic/h-sl-ft", 8000), ("ic/vc-kts", knots), ("ic/gamma-deg", 0)):
-            plane[place] = value
-        plane.run_ic()
-        plane["propulsion/set-running"] = -1
-        plane.do_trim(1)
+    plane = jsbsim.FGFDMExec(os.path.dirname(jsbsim.__file__))
+    plane.set_debug_level(0)
+    plane.load_model(model)
+    plane.set_dt(PERIOD / 2)
+    for place, value in {"h-sl-ft": 8000, "vc-kts": knots, "gamma-deg": 0}.items():
+        plane[f"ic/{place}"] = value
+    plane.run_ic()
+    plane["propulsion/set-running"] = -1
+    plane.do_trim(1)
     level = plane["fcs/elevator-cmd-norm"]
     rows = []
     for i in range(round(2 * seconds / PERIOD)):
@@ -72,32 +62,29 @@ def flown(model, knots, bank, pull, name, seconds=50.0):
         if i % 2 == 0:
             force = [plane[f"accelerations/a-pilot-{x}-ft_sec2"] for x in "xyz"]
             rows.append([t, *force, *(plane[f"velocities/{x}-rad_sec"] for x in "pqr")])
-    rows = np.array(rows)
-    down = [1, -1, -1]
+    rows, down = np.array(rows), [1, -1, -1]
     return make_flight(rows[:, 0], rows[:, 1:4] * 0.3048 * down, rows[:, 4:] * down, name)
 
 
 def of_jsbsim():
     """Flights that are made here."""
-    still = [(0, 0.0)]
-    yield flown("f16", 350, still, [(5, 0), (7, -0.12), (14, -0.12), (16, 0)], "F-16 pull-up")
-    weave = [(3, 0), (8, 45), (16, -45), (24, 45), (32, 0)]
-    yield flown("f16", 350, weave, [(3, 0), (8, -0.06), (30, -0.06), (34, 0)], "F-16 weave")
-    circle = [(3, 0), (9, 30), (35, 30), (41, 0)]
-    yield flown("c172x", 100, circle, [(3, 0), (9, -0.05), (35, -0.05), (41, 0)], "C172 circle")
+    pull = [(5, 0), (7, -0.12), (14, -0.12), (16, 0)]
+    yield flown("F-16 pull-up", "f16", 350, [(0, 0.0)], pull)
+    bank = [(3, 0), (8, 45), (16, -45), (24, 45), (32, 0)]
+    yield flown("F-16 weave", "f16", 350, bank, [(3, 0), (8, -0.06), (30, -0.06), (34, 0)])
+    bank = [(3, 0), (9, 30), (35, 30), (41, 0)]
+    yield flown("C172 circle", "c172x", 100, bank, [(3, 0), (9, -0.05), (35, -0.05), (41, 0)])
 
 
-def row(robot, compare, flight):
+def compared(robot, flight):
     """The numbers of a flight, as texts."""
-    began = clock.process_time()
-    found = fly(robot, flight, compare=compare)
-    cpu = clock.process_time() - began
-    own, align, wash = found.numbers, found.numbers["alignment"], found.numbers["washout"]
-    front = sorted((p["g_error_rms"], p["felt_rotation_rms_deg_s"]) for p in own["front"])
-    at_equal = np.interp(align["g_error_rms"], *zip(*front, strict=True))
-    costs = np.array([start["cost"] for start in own["starts"]])
+    own = fly(robot, flight, compare=True).numbers
+    align, wash = own["alignment"], own["washout"]
     g, turn, up = "g_error_rms", "felt_rotation_rms_deg_s", "felt_vertical_rms_deg"
     begun = "felt_rotation_from_zero_rms_deg_s"
+    front = sorted((point[g], point[turn]) for point in own["front"])
+    at_equal = np.interp(align[g], *zip(*front, strict=True))
+    costs = np.array([start["cost"] for start in own["starts"]])
     return [
         flight.name, f"{flight.duration:.0f}",
         *(f"{one[g]:.3f}" for one in (own, align, wash)),
@@ -107,56 +94,21 @@ def row(robot, compare, flight):
         *("-" if one[up] is None else f"{one[up]:.1f}" for one in (own, align)),
         f"{100 * own['horizontal_force_felt_share']:.1f}",
         f"{100 * own['torque_share_max']:.2f}",
-        " ".join(f"{100 * x:.0f}" for x in costs / costs.min() - 1),
-        f"{own['cpu_s']:.0f}+{cpu - own['cpu_s']:.0f}",
+        " ".join(f"{100 * x:.0f}" for x in costs / costs.min() - 1), f"{own['cpu_s']:.0f}",
     ]  # fmt: skip
 
 
-def recovered(robot, name):
-    """A training motion from its own head motion: largest errors over thresholds, and how often
-    they are above a tenth."""
-    motion = load_plan(name, robot).motion
-    head = head_motion(robot, motion.q, motion.v, motion.vd)
-    flight = make_flight(motion.time, head.specific_force, head.angular_velocity, name)
-    found = fly(robot, flight, approach=2.0, departure=2.0, knot=KNOT, torque_margin=1.0,
-                compare=False)  # fmt: skip
-    within = found.chosen.within
-    over = np.hstack([np.abs(found.chosen.force_error[within]) / np.array(LINEAR),
-                      np.abs(found.chosen.felt_rate_error[within]) / RATE])  # fmt: skip
-    often = 100 * (over > 0.1).any(axis=1).mean()
-    return [name, f"{motion.duration:.0f}", f"{over[:, :3].max():.3f}", f"{over[:, 3:].max():.3f}",
-            f"{np.median(over.max(axis=1)):.4f}", f"{often:.1f}"]  # fmt: skip
-
-
-def table(header, rows):
-    """Print a table row by row."""
-    timing.head(*header)
-    for name, cells in rows:
+def main(*paths):
+    robot, flights = load_robot(), list(map(read_flight, paths))
+    if not flights:
+        flights = [*transformed(), *(of_jsbsim() if importlib.util.find_spec("jsbsim") else ())]
+    head(*COLUMNS)
+    for flight in flights:
         try:
-            timing.row(cells())
+            row(compared(robot, flight))
         except InputError as error:
-            timing.row([name, error])
-
-
-def main():
-    robot = load_robot()
-    asked = [name for name in sys.argv[1:] if name != "--alone"]
-    compare = len(asked) == len(sys.argv) - 1
-    motions = [name for name in asked if name in shipped_motions()]
-    flights = [read_flight(path) for path in asked if path not in motions]
-    if not asked:
-        flights = list(transformed())
-        try:
-            flights += of_jsbsim()
-        except ImportError:
-            print("without JSBSim, which is not installed")
-    if flights:
-        table(COLUMNS, ((flight.name, partial(row, robot, compare, flight)) for flight in flights))
-    if motions:
-        procedure.SEATS = (0.0,)  # as they are shipped
-        header = ("motion", "s", "force / threshold", "rotation", "median", "above 0.1 [% of time]")
-        table(header, ((name, partial(recovered, robot, name)) for name in motions))
+            row([flight.name, error])
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -37,7 +37,7 @@ variables:
 """
 
 
-def main(out: Path, studies: list[str]) -> None:
+def main(out, studies):
     for label in ("p_pi", "p_pi+id"):
         kind, _, feedforward = label.partition("+")
         folder = out / label
@@ -55,31 +55,25 @@ def main(out: Path, studies: list[str]) -> None:
             text = STUDY.format(name=name, base=base, fields=fields, apply=apply, levels=levels)
             (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
             run("study", str(folder / f"{name}.yaml"), "--out", str(folder / name))
-            tell(folder / name, name, unit)
+            table = read_study_table(folder / name)
+            error = np.degrees(table.outcomes["max_abs_position_error_2"])
+            for level in levels:
+                of = {
+                    str(table.inputs["reference"][i]): error[i]
+                    for i in np.flatnonzero(table.inputs[name] == level)
+                }
+                planned, learned = of["planned.csv"], of["learned.csv"]
+                left = f"{100 * learned / planned:.0f}"
+                row([f"{name} {level:g} {unit}", f"{planned:.4f}", f"{learned:.4f}", left])
 
 
-def run(*arguments: str) -> None:
+def run(*arguments):
     if sdt_drake(list(arguments)):
         raise SystemExit(1)
-
-
-def tell(folder: Path, name: str, unit: str) -> None:
-    """A row for each level: joint 2's largest position error with either reference."""
-    table = read_study_table(folder)
-    error = np.degrees(table.outcomes["max_abs_position_error_2"])
-    for level in np.unique(table.inputs[name]):
-        here = table.inputs[name] == level
-        planned, learned = (
-            float(error[here & (table.inputs["reference"] == f"{which}.csv")][0])
-            for which in ("planned", "learned")
-        )
-        share = 100 * learned / planned
-        row([f"{name} {level:g} {unit}", f"{planned:.4f}", f"{learned:.4f}", f"{share:.0f}"])
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("out", nargs="?", type=Path, default=Path("learned"))
     parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES))
-    options = parser.parse_args()
-    main(options.out, options.studies)
+    main(**vars(parser.parse_args()))

@@ -12,11 +12,10 @@ from __future__ import annotations
 import sys
 import time
 from contextlib import closing
-from importlib import import_module
 from queue import SimpleQueue
-from typing import NamedTuple
 from unittest import mock
 
+import numpy as np
 from pydrake.systems.analysis import Simulator
 from timing import spread
 
@@ -26,86 +25,78 @@ from sdt_drake.studies.pool import Pool
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.study import load_study
 
-simulate = import_module("sdt_drake.run.simulate")
-STUDY = "package://sdt/studies/monte_carlo.yaml"
-_FIRST = 4  # rows that are not timed
-PARTS = ("overhead", "workers", "cluster")
+_FIRST, _ROUNDS = 4, 3  # rows that are not timed
 
 
-def job_of(rows: int) -> Job:
-    """The first rows of the shipped Monte Carlo study."""
-    study, base = load_study(STUDY)
-    study.draws = max(1, rows // (len(study) // study.draws))
-    return make_job(study, base)
-
-
-def overhead(rows: int) -> None:
-    job = job_of(rows)
+def overhead(job: Job) -> list[float]:
     runner, stepping, shares = Runner(job.study, job.base), [], []
+    advance = Simulator.AdvanceTo
 
-    class Timed(NamedTuple):
-        """A simulator whose steps are timed."""
-
-        simulator: Simulator
-
-        def __getattr__(self, name):
-            return getattr(self.simulator, name)
-
-        def AdvanceTo(self, *args, **options) -> None:  # noqa: N802
-            start = time.perf_counter()
-            self.simulator.AdvanceTo(*args, **options)
-            stepping.append(time.perf_counter() - start)
+    def timed(*arguments, **options):
+        start = time.perf_counter()
+        advance(*arguments, **options)
+        stepping.append(time.perf_counter() - start)
 
     runner.run(0)  # robot, plan: once for the study
-    made = simulate.make_simulator
-    with mock.patch.object(simulate, "make_simulator", lambda *a, **o: Timed(made(*a, **o))):
+    with mock.patch.object(Simulator, "AdvanceTo", timed):
         for number in range(len(job.study)):
             stepping.clear()
             start = time.perf_counter()
             runner.run(number)
             shares.append(1 - sum(stepping) / (time.perf_counter() - start))
-    print(f"overhead: {spread(shares)} of a coupled run, target 0.15")
+    return shares
 
 
-def timed_rows(job, backend, numbers) -> float:
+def timed_rows(job: Job, backend) -> float:
     """From the first row to the last one: processes start and plan before that."""
-    inbox = SimpleQueue()
-    for number in numbers:
-        row = backend.submit(number, job.study.inputs(number))
-        row.add_done_callback(inbox.put)
-    for _ in range(_FIRST):
-        inbox.get()
-    start = time.perf_counter()
-    for _ in numbers[_FIRST:]:
-        inbox.get()
-    return time.perf_counter() - start
+    inbox, rows = SimpleQueue(), range(len(job.study))
+    with closing(backend):
+        for number in rows:
+            row = backend.submit(number, job.study.inputs(number))
+            row.add_done_callback(inbox.put)
+        for _ in range(_FIRST):
+            inbox.get()
+        start = time.perf_counter()
+        for _ in rows[_FIRST:]:
+            inbox.get()
+        return time.perf_counter() - start
 
 
-def workers(rows: int) -> None:
-    job = job_of(rows)
-    numbers, ratios = range(len(job.study)), []
-    for _ in range(3):
-        with closing(Pool(job, 1)) as one:
-            alone = timed_rows(job, one, numbers)
-        with closing(Pool(job, 2)) as two:
-            ratios.append(alone / timed_rows(job, two, numbers))
-    print(f"workers: two are {spread(ratios)} times one, target 1.8")
+def workers(job: Job) -> list[float]:
+    times = ((timed_rows(job, Pool(job, 1)), timed_rows(job, Pool(job, 2))) for _ in range(_ROUNDS))
+    return [one / two for one, two in times]
 
 
-def cluster(rows: int) -> None:
+def cluster(job: Job) -> list[float]:
     from distributed import LocalCluster
 
-    job = job_of(rows)
-    numbers, ratios = range(len(job.study)), []
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
-        for _ in range(3):
-            with closing(Pool(job, 2)) as pool:
-                here = timed_rows(job, pool, numbers)
-            with closing(Cluster(job, local.scheduler_address, print)) as dask:
-                ratios.append(timed_rows(job, dask, numbers) / here)
-    print(f"cluster: {spread(ratios)} times the time of the pool, target 1.15")
+        address = local.scheduler_address
+        return [
+            timed_rows(job, Cluster(job, address, print)) / timed_rows(job, Pool(job, 2))
+            for _ in range(_ROUNDS)
+        ]
+
+
+PARTS = {
+    overhead: "of a coupled run, target 0.15",
+    workers: "times one process are two, target 1.8",
+    cluster: "times the time of the pool, target 1.15",
+}
+
+
+def main(rows: int = 24, *parts: str) -> dict[str, float]:
+    """Print and return the ratios of the first rows of the shipped Monte Carlo study."""
+    study, base = load_study("package://sdt/studies/monte_carlo.yaml")
+    study.draws = max(1, rows // (len(study) // study.draws))
+    job, medians = make_job(study, base), {}
+    for part, unit in PARTS.items():
+        if not parts or part.__name__ in parts:
+            ratios = part(job)
+            print(f"{part.__name__}: {spread(ratios)} {unit}")
+            medians[part.__name__] = float(np.median(ratios))
+    return medians
 
 
 if __name__ == "__main__":
-    for part in sys.argv[2:] or PARTS:
-        globals()[part](int([*sys.argv, 24][1]))
+    main(*map(int, sys.argv[1:2]), *sys.argv[2:])

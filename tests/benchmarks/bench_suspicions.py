@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +81,7 @@ def recording(name: str, fault: str, seed: int):
     return truth.robot, put_in(truth, np.random.default_rng([seed, 7]))
 
 
-def verdict(name: str, fault: str, seed: int) -> tuple[str, list[str]]:
+def verdict(name: str, fault: str, seed: int) -> tuple[str, str]:
     """How a recording is judged, and the suspicions."""
     robot, recorded = recording(name, fault, seed)
     try:
@@ -89,9 +90,8 @@ def verdict(name: str, fault: str, seed: int) -> tuple[str, list[str]]:
         lines = tuple(error.lines)
     said = [line for line in lines if not any(words in line for words in NEUTRAL)]
     right = [line for line in said if fault and EXPECTED[fault] in line]
-    if right:
-        return "right" if len(right) == len(said) else "also", said
-    return "wrong" if said else "silent", said
+    of_right = "right" if len(right) == len(said) else "also"
+    return (of_right if right else "wrong" if said else "silent"), " / ".join(said)
 
 
 def main(seeds: int = 3, clean: int = 25, *only: str) -> None:
@@ -99,14 +99,12 @@ def main(seeds: int = 3, clean: int = 25, *only: str) -> None:
     head("fault", *COUNTED)
     for fault in only or ("", *EXPECTED):
         count: Counter[str] = Counter()
-        for seed in range(clean if not fault else seeds):
-            for name in simulated.ROBOTS:
-                if name == "sdt" and fault in simulated.MOUNTINGS:
-                    continue
-                told, said = verdict(name, fault, seed + 100)
-                count[told] += 1
-                if told != "right" and said:
-                    print(f"  {fault} {name} {seed}: {told}: {' / '.join(said)[:400]}", flush=True)
+        robots = [x for x in simulated.ROBOTS if x != "sdt" or fault not in simulated.MOUNTINGS]
+        for seed, name in product(range(seeds if fault else clean), robots):
+            told, said = verdict(name, fault, seed + 100)
+            count[told] += 1
+            if told != "right" and said:
+                print(f"  {fault} {name} {seed}: {told}: {said[:400]}", flush=True)
         row([fault or "none", *(count[told] for told in COUNTED)])
 
 
