@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 from types import SimpleNamespace
 
 import alone
@@ -49,16 +50,13 @@ def case(block, title="", *, scales=None, tolerance=1e-12, feedthrough=None, **c
 # --- controllers and motors ------------------------------------------------------------------
 
 
-def pi_law(structure, anti_windup, period):
-    def law(x, reference, state, tau_cmd=0, tau=0):
-        v_ref, v = reference[N : 2 * N], state[N:]
-        error = GEAR * (v_ref - v)
-        proportional = error if structure == "pi" else -GEAR * v
-        rate = error + (tau - tau_cmd) / GAINS.kp if anti_windup else error
-        change = rate if period is None else x + period * rate
-        return {"tau_fb": GAINS.ki * x + GAINS.kp * proportional}, change
-
-    return law
+def pi_law(x, reference, state, tau_cmd=0, tau=0, *, structure, anti_windup, period):
+    v_ref, v = reference[N : 2 * N], state[N:]
+    error = GEAR * (v_ref - v)
+    proportional = error if structure == "pi" else -GEAR * v
+    rate = error + (tau - tau_cmd) / GAINS.kp if anti_windup else error
+    change = rate if period is None else x + period * rate
+    return {"tau_fb": GAINS.ki * x + GAINS.kp * proportional}, change
 
 
 for structure, anti_windup, period in itertools.product(
@@ -66,9 +64,8 @@ for structure, anti_windup, period in itertools.product(
 ):
     options = {"structure": structure, "anti_windup": anti_windup, "period": period}
     at_once = {"state tau_fb"} | ({"reference tau_fb"} if structure == "pi" else set())
-    case("PiSpeedController", str([*options.values()]), feedthrough=at_once, **options)(
-        pi_law(**options)
-    )
+    register = case("PiSpeedController", f"{[*options.values()]}", feedthrough=at_once, **options)
+    register(partial(pi_law, **options))
 
 
 @case("CtcFeedforward")
@@ -161,24 +158,22 @@ def friction(x, state):
 ALL = Springs(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
 
 
-def springs_law(springs):
-    def law(x, tau, state):
-        elastic = springs.elastic
-        q, v = np.split(state, 2)
-        theta, w = q.copy(), v.copy()
-        theta[elastic], w[elastic] = np.split(x, 2)
-        spring = (springs.stiffness * (theta - q) + springs.damping * (w - v)) / GEAR
-        tau_link = np.where(elastic, spring, tau)
-        wd = ((tau - tau_link) / alone.ROTORS / GEAR)[elastic]
-        outputs = {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}
-        return outputs, [*w[elastic], *wd]
-
-    return law
+def elastic_joints(x, tau, state, *, springs):
+    elastic = springs.elastic
+    q, v = np.split(state, 2)
+    theta, w = q.copy(), v.copy()
+    theta[elastic], w[elastic] = np.split(x, 2)
+    spring = (springs.stiffness * (theta - q) + springs.damping * (w - v)) / GEAR
+    tau_link = np.where(elastic, spring, tau)
+    wd = ((tau - tau_link) / alone.ROTORS / GEAR)[elastic]
+    outputs = {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}
+    return outputs, [*w[elastic], *wd]
 
 
 AT_ONCE = {"tau tau_link", "state tau_link", "state motor_state"}
-case("ElasticJoints", feedthrough=AT_ONCE)(springs_law(alone.SPRINGS))
-case("ElasticJoints", "all of them", springs=ALL, feedthrough=AT_ONCE)(springs_law(ALL))
+for springs in (alone.SPRINGS, ALL):
+    register = case("ElasticJoints", "all" * (springs is ALL), springs=springs, feedthrough=AT_ONCE)
+    register(partial(elastic_joints, springs=springs))
 
 DEVICE = load_robot()
 RATIO = np.array([67.2, 1, 1, 1])
@@ -194,65 +189,50 @@ def rigid_body(robot: Robot, q, v):
     return M, robot.plant.CalcBiasTerm(context) - gravity
 
 
-def plant_law(rotors):
+def robot_plant(x, tau, load_torque, *, rotors):
     """M vd = r (tau - load_torque) - C + gravity, with the rotors that are not apart."""
-
-    def law(x, tau, load_torque):
-        q, v = np.split(x, 2)
-        M, bias = rigid_body(DEVICE, q, v)
-        torque = RATIO * (tau - load_torque)
-        return {"state": x}, [*v, *np.linalg.solve(M + np.diag(rotors), torque - bias)]
-
-    return law
+    q, v = np.split(x, 2)
+    M, bias = rigid_body(DEVICE, q, v)
+    torque = RATIO * (tau - load_torque)
+    return {"state": x}, [*v, *np.linalg.solve(M + np.diag(rotors), torque - bias)]
 
 
 STRONG = {"tau": 10 * DEVICE.motor_torque_limit, "load_torque": 100.0}  # not limited
 for apart in ([0, 0, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]):
     apart, options = np.array(apart, dtype=bool), {"tolerance": 1e-9, "feedthrough": set()}
-    case("RobotPlant", str(apart), without_rotor=apart, scales=STRONG, **options)(
-        plant_law(ROTOR * ~apart)
-    )
+    register = case("RobotPlant", str(apart), without_rotor=apart, scales=STRONG, **options)
+    register(partial(robot_plant, rotors=ROTOR * ~apart))
 
 
 # --- torques of a model ----------------------------------------------------------------------
 
 
-def computed_torque(model):
-    """Without an integral: Drake's controller has one, of the gain 0."""
-
-    def law(x, reference, sampled_state):
-        q_ref, v_ref, vd_ref = np.split(reference, 3)
-        q, v = np.split(sampled_state, 2)
-        vd = vd_ref + 2 * alone.ZETA * alone.OMEGA_N * (v_ref - v) + alone.OMEGA_N**2 * (q_ref - q)
-        M, bias = rigid_body(model, q, v)
-        return {"tau_fb": ((M + np.diag(ROTOR)) @ vd + bias) / RATIO}, q_ref - q
-
-    return law
-
-
 WRONG = deviated(DEVICE, Deviation(payload_mass=100.0))
-for model in (DEVICE, WRONG):
-    case("InverseDynamicsController", "wrong" * (model is WRONG), model=model, tolerance=1e-9)(
-        computed_torque(model)
-    )
 
 
-def algorithm_1(sign):
+@case("InverseDynamicsController", model=WRONG, tolerance=1e-9)
+def computed_torque(x, reference, sampled_state):
+    """Without an integral: Drake's controller has one, of the gain 0."""
+    q_ref, v_ref, vd_ref = np.split(reference, 3)
+    q, v = np.split(sampled_state, 2)
+    vd = vd_ref + 2 * alone.ZETA * alone.OMEGA_N * (v_ref - v) + alone.OMEGA_N**2 * (q_ref - q)
+    M, bias = rigid_body(WRONG, q, v)
+    return {"tau_fb": ((M + np.diag(ROTOR)) @ vd + bias) / RATIO}, q_ref - q
+
+
+def algorithm_1(x, reference, *, sign):
     """Links alone, without rotors."""
-
-    def law(x, reference):
-        q, v, vd = np.split(reference, 3)
-        M, bias = rigid_body(DEVICE, q, v)
-        own = M.diagonal() * vd
-        return decouple(own, M @ vd + bias - own, RATIO, sign)._asdict(), None
-
-    return law
+    q, v, vd = np.split(reference, 3)
+    M, bias = rigid_body(DEVICE, q, v)
+    own = M.diagonal() * vd
+    return decouple(own, M @ vd + bias - own, RATIO, sign)._asdict(), None
 
 
 # Accelerations of all sizes: every branch of Algorithm 1.
 BRANCHES = {"reference": np.concatenate([np.ones(8), [0.01, 0.3, 3, 30]])}
 for sign in ("consistent", "printed"):
-    case("LoadTorque", sign, algorithm=sign, tolerance=1e-9, scales=BRANCHES)(algorithm_1(sign))
+    register = case("LoadTorque", sign, algorithm=sign, tolerance=1e-9, scales=BRANCHES)
+    register(partial(algorithm_1, sign=sign))
 
 
 @case(
