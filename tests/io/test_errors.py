@@ -8,7 +8,7 @@ import pickle
 import pytest
 
 from sdt_drake.io import errors
-from sdt_drake.io.errors import InputError, Problem, at, checked_number, retelling, within
+from sdt_drake.io.errors import InputError, Problem, at, within
 from sdt_drake.io.files import checked_input, checked_output, keeping_inputs, read_text, replacing
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.tables import read_table
@@ -65,24 +65,23 @@ def test_what_is_read_is_replaced_by_the_same_only(path, alias):
     with keeping_inputs():
         checked_output(other)
         refused("is read by this command", checked_input, path)
-    assert path.read_text() == "old"
-    write(other)  # of another command, or of Python
     with keeping_inputs():
-        write(other, "newer")
-        assert read_text(path, 10) == "newer"  # what was written is read
+        write(other, "older")
+        assert read_text(path, 10) == "older"  # what was written is read
 
 
-@pytest.mark.parametrize(
-    ("old", "kept"), [("", False), ("new", False), ("other", True), ("\0", True)]
-)
-def test_a_file_of_another_kind_is_not_replaced(path, old, kept):
+KINDS = [("", "new"), ("new", "new"), ("other", "other"), ("\0", "\0")]
+
+
+@pytest.mark.parametrize("old, after", KINDS)
+def test_a_file_of_another_kind_is_not_replaced(path, old, after):
     path.write_text(old)
     with keeping_inputs():
-        if kept:
-            refused("holds something else than this command", write, path)
-        else:
+        if after == "new":
             write(path)
-    assert path.read_text() == (old if kept else "new")
+        else:
+            refused("holds something else than this command", write, path)
+    assert path.read_text() == after
     assert {path.name for path in path.parent.iterdir()} == {"file.csv", "link"}
 
 
@@ -94,17 +93,17 @@ def test_two_that_write_the_same_file_do_not_meet(path):
 
 
 def test_numbers_at_their_bounds(path):
-    assert read_text(path, 3) == "old" and checked_number(0, "x", minimum=0) == 0
+    assert read_text(path, 3) == "old" and errors.checked_number(0, "x", minimum=0) == 0
     refused("file.csv: 3 bytes, expected at most 2", read_text, path, 2)
     with pytest.raises(InputError, match=r"^x: 0, expected a finite number > 0$"):
-        checked_number(0, "x", minimum=0, exclusive=True)
+        errors.checked_number(0, "x", minimum=0, exclusive=True)
     assert errors.whole_periods(0.1 + 0.2, 0.005, "x") == 60  # but for round-off
     refused(r"x: 0\.3004 s is not a whole", errors.whole_periods, 0.3004, 0.005, "x")
 
 
 def test_problems_are_data_that_other_processes_take():
     def fail():
-        told = retelling(lambda problem: problem._replace(accepted="less"))
+        told = errors.retelling(lambda problem: problem._replace(accepted="less"))
         with told, within("a.yaml"), within("a.yaml"), at("plant"), at("friction"):
             raise InputError("too large", place="[2]")
 

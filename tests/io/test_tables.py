@@ -6,9 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.io
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from pyarrow import parquet
 
 from sdt_drake.io import numbers
 from sdt_drake.io.errors import InputError
@@ -23,35 +25,30 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 def test_a_table_is_read_back_bit_by_bit(tmp_path, suffix):
     path = tmp_path / "new" / "folder" / f"table{suffix}"
 
-    def check(time, q, tau):
-        write_table(path, time, {"q": q, "tau_cmd": tau})
-        read_time, columns = read_table(path)
-        assert set(columns) == {"q", "tau_cmd"}
-        for written, read in ((time, read_time), (q, columns["q"]), (tau, columns["tau_cmd"])):
-            assert written.tobytes() == np.ascontiguousarray(read).tobytes()
-
     @given(st.data(), st.integers(2, 6), st.integers(1, 3))
-    def check_any(data, rows, joints):
-        values = arrays(float, (rows, joints), elements=NUMBERS)
-        check(0.005 * np.arange(rows), data.draw(values), data.draw(values))
+    def check(data, rows, joints):  # of which some are wider than long
+        values, time = arrays(float, (rows, joints), elements=NUMBERS), 0.005 * np.arange(rows)
+        written = {"q": data.draw(values), "tau_cmd": data.draw(values)}
+        write_table(path, time, written)
+        read_time, read = read_table(path)
+        assert read_time.tobytes() == time.tobytes() and read.keys() == written.keys()
+        for name, column in written.items():
+            assert column.tobytes() == np.ascontiguousarray(read[name]).tobytes()
 
-    check(np.arange(2.0), np.arange(6.0).reshape(2, 3), np.ones((2, 3)))  # wider than long
-    check_any()
-    write_table(path.with_suffix(".csv"), np.arange(2), {"q": np.eye(2)})
-    assert path.with_suffix(".csv").read_text().startswith("time,q_1,q_2\n")
+    check()
 
 
 def test_other_tools_find_the_columns(tmp_path):
-    scipy_io, parquet = (pytest.importorskip(x) for x in ("scipy.io", "pyarrow.parquet"))
     q = np.arange(15.0).reshape(5, 3)
-    for suffix in BINARY:
+    for suffix in TABLES:
         write_table(tmp_path / f"a{suffix}", np.arange(5.0), {"q": q})
-    found = scipy_io.loadmat(tmp_path / "a.mat")
+    found = scipy.io.loadmat(tmp_path / "a.mat")
     assert found["time"].shape == (5, 1)
     np.testing.assert_array_equal(found["q"], q)
     table = parquet.read_table(tmp_path / "a.parquet")
     assert table.column_names == ["time", "q_1", "q_2", "q_3"]
     np.testing.assert_array_equal(table["q_3"].to_numpy(), q[:, 2])
+    assert (tmp_path / "a.csv").read_text().startswith("time,q_1,q_2,q_3\n0.0,0.0,1.0,2.0\n1.0,")
 
 
 def refuse(path, message):
@@ -92,12 +89,12 @@ BAD = [
     (GOOD.replace("time", "t"), ": the first column is 't', expected 'time'"),
     ("time,v_1,v_2\n0,1,2\n", "fewer than two rows"),
     (GOOD.replace("0.5,3,4", "0.5,3"), r", line 3: 2 value\(s\), expected 3"),
-    (GOOD.replace("1.0,5", "1.0,five"), ", line 4: 'five' is not a number"),
     (GOOD.replace("1.0,5", "1.0,5_0"), ", line 4: '5_0' is not a number"),
     (GOOD.replace(",", ";"), ", line 1: semicolons between the columns, expected commas"),
     (GOOD.replace("3,4", "-inf,4"), ", line 3: v_1 is -inf"),
     (GOOD.replace("0.5,", "nan,"), ", line 3: time is nan"),
     (GOOD.replace("0.5,3,4\n", "\n0.5,3,nan\n"), ", line 4: v_2 is nan"),
+    (GOOD.replace("3,4", f"3,{'9' * 900_000}"), ", line 3: v_2 is inf"),
     (GOOD + "2.0,7,8\n", ", line 5: time goes from 1 to 2 s, expected equal steps of 0.5 s"),
     (GOOD.replace("0.5,", "-0.5,"), ", line 3: time goes from 0 to -0.5 s"),
     (GOOD.replace("v_2", "w_2"), "column 'w_2', expected 'v_2'"),
@@ -123,7 +120,9 @@ def test_a_table_that_is_too_large_is_refused(tmp_path, monkeypatch):
     path.write_text(GOOD)
     monkeypatch.setattr(numbers, "MAX_NUMBERS", 9)
     assert len(read_table(path)[0]) == 3
-    monkeypatch.setattr(numbers, "MAX_NUMBERS", 8)
-    refuse(path, r"large\.csv: more than 8 numbers, expected")
-    monkeypatch.setattr(numbers, "MAX_BYTES", len(GOOD) - 1)
-    refuse(path, rf"large\.csv: {len(GOOD)} bytes, expected at most")
+    for name, most, message in (
+        ("MAX_NUMBERS", 8, "more than 8 numbers, expected"),
+        ("MAX_BYTES", len(GOOD) - 1, f"{len(GOOD)} bytes, expected at most"),
+    ):
+        monkeypatch.setattr(numbers, name, most)
+        refuse(path, rf"large\.csv: {message}")

@@ -16,72 +16,59 @@ from sdt_drake.io import trust
 from sdt_drake.io.errors import InputError
 from sdt_drake.run import kinds
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.studies.folder import load_runner
+from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.study import load_study
 
 OWN = (Path(__file__).parents[1] / "own_controllers.py").read_text(encoding="utf-8")
-TRACE = "with open({trace!r}, 'a') as file:\n    file.write('x')\n"
 SCENARIO = """
-motion: short.yaml
-plant: {kind: coupled}
-controller: {kind: proportional, file: own.py, omega_r: 66}
+{motion: short.yaml, plant: {kind: coupled},
+ controller: {kind: proportional, file: own.py, omega_r: 66}}
 """
 STUDY = """
-scenario: own.yaml
-accuracy: 0.01
-variables:
-- fields: [controller.file]
-  distribution: !Choice {values: [own.py, other.py]}
+{scenario: own.yaml, accuracy: 0.01, variables: [
+ {fields: [controller.file], distribution: !Choice {values: [own.py, other.py]}}]}
 """
 
 
 @pytest.fixture
-def ran(desk, given):
-    """How often the controllers' files of a scenario and a study have been run."""
-    trace = desk.parent / "trace"
+def own(desk, given):
+    """One of the controllers' files of a scenario and a study."""
     for name in ("own.py", "other.py"):
-        given(name, OWN + TRACE.format(trace=str(trace)) + f"# {name}\n")
+        given(name, f"{OWN}with open({str(desk / '../trace')!r}, 'a') as file: file.write('x')")
     given("own.yaml", SCENARIO)
     given("study.yaml", STUDY)
-    return lambda: len(trace.read_text()) if trace.exists() else 0
-
-
-@pytest.fixture
-def own(desk):
     return desk.parent / "given" / "own.py"
 
 
-@pytest.fixture
+def ran(own):
+    """How often these files have been run."""
+    trace = own.parents[1] / "trace"
+    return len(trace.read_text()) if trace.exists() else 0
+
+
 def kept():
     """The list of what the user trusts."""
     return Path(os.environ["XDG_CONFIG_HOME"]) / "sdt_drake" / "trusted.json"
 
 
-@pytest.fixture
-def another_process(monkeypatch):
-    """What a process knows is gone; what is kept stays."""
-
-    def forget():
-        monkeypatch.setattr(trust, "_accepted", set())
-        monkeypatch.setattr(kinds, "_loaded", {})
-
-    return forget
+def forget():
+    """Begin as another process does; what is kept stays."""
+    trust._accepted.clear()
+    kinds._loaded.clear()
 
 
 @pytest.fixture
-def terminal(monkeypatch):
+def typed(monkeypatch):
     """A terminal at which these answers are typed."""
 
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    def typed(text):
-        monkeypatch.setattr(sys, "stdin", Terminal(text))
+    def answer(text):
+        terminal = io.StringIO(text)
+        terminal.isatty = lambda: True
+        monkeypatch.setattr(sys, "stdin", terminal)
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
 
-    return typed
+    return answer
 
 
 def digest(path):
@@ -104,39 +91,35 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_without_a_terminal_nothing_is_run(refuse, ran, own, command):
+def test_without_a_terminal_nothing_is_run(refuse, own, command):
     refuse(*command.split(), saying=[f"{own}: is Python", digest(own), "--trust"])
-    assert ran() == 0
+    assert ran(own) == 0
 
 
-def test_an_answer_is_kept_for_this_content_at_this_place(
-    call, good, ran, own, kept, terminal, another_process
-):
+def test_an_answer_is_kept_for_this_content_at_this_place(call, good, own, typed):
     tune = ("tune", "../given/own.yaml")
     for answer in ("", "n\n", "\n", "nay\n"):
-        terminal(answer)
+        typed(answer)
         done = call(*tune)
-        assert done.code == 2 and "[y/N]" in done.err and ran() == 0
+        assert done.code == 2 and "[y/N]" in done.err and ran(own) == 0
         assert f"{own}\nSHA-256 {digest(own)}\n" in done.err
-    terminal("y\n")
-    assert call(*tune).code == 0 and ran() == 1
-    assert json.loads(kept.read_text()) == {str(own): digest(own)}
-    another_process()
-    terminal("")
-    good(*tune)
+    typed("y\n")
+    assert call(*tune).code == 0 and ran(own) == 1
+    assert json.loads(kept().read_text()) == {str(own): digest(own)}
+    forget()
+    typed("")
     Path("link.py").symlink_to(own)
     good(*tune, "--set", "controller.file=link.py")  # the same file
     shutil.copy(own, "own.py")
     assert "[y/N]" in call(*tune, "--set", "controller.file=own.py").err
     own.write_text(own.read_text() + "# changed\n")
-    another_process()
+    forget()
     assert call(*tune).code == 2
 
 
-def test_the_bytes_that_are_run_are_those_that_were_judged(ran, own):
+def test_the_bytes_that_are_run_are_those_that_were_judged(own):
     with pytest.raises(InputError, match=r"own\.py: is Python .*trust=True"):
         load_scenario("../given/own.yaml")
-    assert ran() == 0
 
     def judge(path, found):  # meanwhile, the file becomes another
         own.write_text("raise ValueError('another file')")
@@ -144,46 +127,36 @@ def test_the_bytes_that_are_run_are_those_that_were_judged(ran, own):
 
     with trust.asking(judge):
         load_scenario("../given/own.yaml")
-    assert ran() == 1
+    assert ran(own) == 1
 
 
-def test_studies_ask_for_all_their_files_and_their_processes_do_not(
-    good, refuse, call, ran, desk, another_process
-):
+def test_studies_ask_for_all_their_files_and_their_processes_do_not(good, refuse, own, desk):
     study, base = load_study("../given/study.yaml", trust=True)
     with pytest.raises(InputError, match=r"other\.py: is Python"):
         make_job(study, base)
     job = make_job(study, base, trust=True)
-    another_process()
-    assert job.runner(desk / "rows").run(1).status == "ok"
-    another_process()
-    good("study", "../given/study.yaml", "--out", "out", "--trust")
-    before = ran()
-    another_process()
-    assert good("study", "show", "out").out and ran() == before
-    copy = shutil.copytree("out", desk / "copy")
-    refuse("study", "repeat", "copy", "--row", "0", saying=[f"{copy}/files", "--trust"])
-    assert ran() == before
-    with pytest.raises(InputError, match="is Python"):
-        load_runner(copy)
-    good("study", "repeat", "copy", "--row", "1", "--trust")
-    assert ran() > before
+    forget()
+    with opened(job, desk / "out", resume=False) as store:
+        store.append(job.runner(desk / "rows").run(1), study.inputs(1))
+    before = ran(own)
+    forget()
+    good("study", "show", "out")
+    refuse("study", "repeat", "out", "--row", "1", saying=[f"{desk}/out/files", "--trust"])
+    assert ran(own) == before > 0
 
 
 @pytest.mark.parametrize("text", ["[]", "[" * 100_000])
-def test_a_broken_list_is_a_line(refuse, good, ran, kept, text):
-    kept.parent.mkdir()
-    kept.write_text(text)
-    refuse("tune", "../given/own.yaml", saying=[f"{kept}: cannot be read"])
-    assert ran() == 0
+def test_a_broken_list_is_a_line(refuse, good, own, text):
+    kept().parent.mkdir()
+    kept().write_text(text)
+    refuse("tune", "../given/own.yaml", saying=[f"{kept()}: cannot be read"])
     good("tune", "../given/own.yaml", "--trust")
 
 
-def test_a_relative_place_of_the_list_is_none(ran, desk, own, refuse, monkeypatch):
+def test_a_relative_place_of_the_list_is_none(desk, own, refuse, monkeypatch):
     """Or the working directory could bring its own."""
     monkeypatch.setenv("XDG_CONFIG_HOME", "config")
     monkeypatch.setenv("HOME", str(desk / "home"))
-    (desk / "config" / "sdt_drake").mkdir(parents=True)
-    (desk / "config" / "sdt_drake" / "trusted.json").write_text(json.dumps({str(own): digest(own)}))
+    kept().parent.mkdir(parents=True)
+    kept().write_text(json.dumps({str(own): digest(own)}))
     refuse("tune", "../given/own.yaml")
-    assert ran() == 0

@@ -104,6 +104,9 @@ BAD = [
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
     # Files.
     ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
+    ("<mass>2", 300_000 * "<a>", "more than 50 nested elements"),
+    ("<mass>2", 100_000 * "<a/>", "more than 20000 elements"),
+    ("</model>", 1001 * "<frame name='a'/>" + "</model>", "more than 1000 links, joints and fr"),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
     (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
 ]
