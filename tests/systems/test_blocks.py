@@ -5,24 +5,10 @@ import re
 import textwrap
 from functools import cache
 
+import alone
 import numpy as np
 import pytest
-from alone import (
-    ARGUMENTS,
-    ENVELOPE,
-    ERROR,
-    FRICTION,
-    GEAR,
-    LIMIT,
-    PERIOD,
-    RESOLVED,
-    Alone,
-    N,
-    exact,
-    inputs_of,
-    made,
-    outputs_of,
-)
+from alone import GEAR, LIMIT, PERIOD, Alone, N, exact, inputs_of, made, outputs_of
 from hypothesis import given
 from laws import CASES, DEVICE, TIME
 from pydrake.common.yaml import yaml_load
@@ -68,7 +54,7 @@ def test_a_block_has_keyword_arguments_and_the_ports_of_its_picture(name, robot,
     if name != "SymbolicLaw":  # its ports are arguments
         is_drawn(made(name, robot, **({"meshcat": meshcat} if name == "RobotDrawing" else {})))
     if name == "DynamicSaturation":
-        is_drawn(made(name, **ENVELOPE), ["state"])
+        is_drawn(made(name, **alone.ENVELOPE), ["state"])
     if name == "PiSpeedController":
         is_drawn(made(name, anti_windup=True), ["tau_cmd", "tau"])
 
@@ -87,12 +73,12 @@ def test_controllers_have_the_ports_of_their_pictures(designed, name):
 
 FREE = {"i_eff", "position_gain", "motor_torque_limit"}  # of any length
 CHECKED = FREE | {"gear_ratio", "n", "amplitude", "omega_d", "period", "omega_n", "zeta"}
-MORE = {"Encoder": RESOLVED, "PiSpeedController": {"structure": "pi"}}
+MORE = {"Encoder": alone.RESOLVED, "PiSpeedController": {"structure": "pi"}}
 MORE |= {"LoadTorque": {"algorithm": "printed"}}
 BAD = [
     (name, argument, bad)
     for name in BLOCKS
-    for argument, right in (ARGUMENTS[name] | MORE.get(name, {})).items()
+    for argument, right in (alone.ARGUMENTS[name] | MORE.get(name, {})).items()
     for bad in ("a", -1.0, [np.nan] * np.size(right), [1.0] * (np.size(right) + 1))
     if argument in CHECKED | {"resolution", "structure", "algorithm"}
     and not (np.size(bad) > N and argument in FREE)
@@ -164,19 +150,19 @@ def test_direct_feedthrough(case):
 
 Q, V = np.random.default_rng(3).normal(size=(2, 4))
 STATE = np.concatenate([Q[:N], V[:N]])
-INCREMENT = 2 * np.pi / (np.array(RESOLVED["resolution"]) * GEAR)
+INCREMENT = 2 * np.pi / (np.array(alone.RESOLVED["resolution"]) * GEAR)
 COUNTED = np.concatenate([np.floor(Q[:N] / INCREMENT) * INCREMENT, V[:N]])
 STILL = {"reference": np.zeros(3 * N), "state": np.zeros(2 * N)}
-LOOP = {"bandwidth": 300.0, "error": ERROR}
+LOOP = {"bandwidth": 300.0, "error": alone.ERROR}
 STARTS = [  # of what, with what it starts, and the output then
     ("AxisProcess", {}, [Q[:N], V[:N]], {}, "state", STATE),
     ("RobotPlant", {}, [Q, V], {}, "state", np.concatenate([Q, V])),
     ("ElasticJoints", {}, [Q[:N], V[:N]], {"state": STATE}, "motor_state", STATE),
     ("Encoder", {}, [Q[:N], V[:N]], {}, "measured", STATE),
-    ("Encoder", RESOLVED, [Q[:N], V[:N]], {}, "measured", COUNTED),
+    ("Encoder", alone.RESOLVED, [Q[:N], V[:N]], {}, "measured", COUNTED),
     ("PiSpeedController", {}, [LIMIT], STILL, "tau_fb", LIMIT),
     ("PiSpeedController", {"period": PERIOD}, [LIMIT], STILL, "tau_fb", LIMIT),
-    ("TorqueLoop", LOOP, [LIMIT], {"tau_limited": LIMIT / (1 + ERROR)}, "tau", LIMIT),
+    ("TorqueLoop", LOOP, [LIMIT], {"tau_limited": LIMIT / (1 + alone.ERROR)}, "tau", LIMIT),
 ]
 
 
@@ -200,5 +186,5 @@ def test_friction_starts_in_steady_sliding_or_unloaded(speed):
     block.system.rest(block.context, v)
     block.give(state=[*np.ones(N), *v])
     force = GEAR * block.output("friction")
-    np.testing.assert_allclose(force, sliding_friction(FRICTION, v), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(force, sliding_friction(alone.FRICTION, v), rtol=1e-9, atol=1e-9)
     assert np.all(np.abs(block.derivatives()) <= 1e-8 * speed + 1e-15)
