@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import functools
 import json
 import re
 import shutil
@@ -18,12 +17,6 @@ from sdt_drake.cli.app import main
 from sdt_drake.run.simulate import Recording
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.store import DATABASE, Store
-
-
-@pytest.fixture
-def refuse(refuse):
-    """Run `study`, which must refuse its arguments; return the message."""
-    return functools.partial(refuse, "study")
 
 
 def change(folder, statement, *values):
@@ -68,19 +61,19 @@ def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
     shutil.copytree(undisturbed, desk / "mc")
     (desk / "old").mkdir()
     (desk / "old" / "rows.jsonl").write_text("{}")
-    assert message in refuse(*arguments.split())
+    assert message in refuse("study", *arguments.split())
 
 
 def test_a_study_with_other_files_or_versions_is_another_study(refuse, desk, copied):
     motion = (desk / "short.yaml").read_text()
     (desk / "short.yaml").write_text(motion.replace("0.5], [0.5", "0.4], [0.5"))
-    said = refuse("many.yaml", "--out", copied, "--resume")
+    said = refuse("study", "many.yaml", "--out", copied, "--resume")
     assert "contains another study, which differs in files/1/short.yaml; use" in said
     (desk / "short.yaml").write_text(motion)
     with Store(copied) as store:
         drake = store.about["versions"]["drake"]
     change(copied, "UPDATE study SET about = replace(about, ?, '1.0')", drake)
-    said = refuse("many.yaml", "--out", copied, "--resume")
+    said = refuse("study", "many.yaml", "--out", copied, "--resume")
     assert f"begun with drake 1.0 (here: {drake})" in said
 
 
@@ -97,8 +90,8 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
 ):
     content = (copied / file).read_bytes()
     (copied / file).write_bytes(content.replace(old.encode(), new.encode("latin-1")))
-    assert message in refuse("show", copied)
-    assert message in refuse("repeat", copied, "--row", "1")
+    assert message in refuse("study", "show", copied)
+    assert message in refuse("study", "repeat", copied, "--row", "1")
 
 
 def test_a_study_with_more_time_for_its_runs_is_the_same(copied, files, capfd, undrawn):

@@ -17,6 +17,7 @@ from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
 from sdt_drake.studies.fields import find_field
+from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import Study, Variable, load_study
 
 
@@ -213,3 +214,5 @@ def test_a_change_is_refused_where_the_study_would_overwrite_it():
     for lost in ("controller.kind", "plant.deviation.payload_mass", "accuracy"):
         with pytest.raises(InputError, match=rf"^{lost}: .*monte_carlo.yaml sets"):
             load_study("monte_carlo", {lost: 1})
+    with pytest.raises(InputError, match=r"^device.motors\[1\]: .*sizing.yaml sets device itself"):
+        load_sizing("sizing", {"device.motors[1]": "AC-203"})

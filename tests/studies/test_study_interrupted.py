@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -23,9 +24,62 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import Job, make_job
-from sdt_drake.studies.store import Store
+from sdt_drake.studies.store import Store, create
 from sdt_drake.studies.study import load_study
 from sdt_drake.studies.table import Row
+
+# --- rows on disk ----------------------------------------------------------------------------
+
+INPUTS = {"a": 0.1, 'b "c"': "text"}
+ABOUT = {"inputs": [*INPUTS], "outcomes": ["x", "y"]} | {
+    "fingerprint": "f", "versions": {}, "files": {}, "contents": {},
+}  # fmt: skip
+ROWS = [
+    Row(2, "ok", "", 0.1, (1 / 3, math.nan)),
+    Row(0, "failed", "ünexpected \u2028 \\ '", 0.2, ()),
+    Row(3, "ok", "", 1e-7, (1e300, 5e-324)),
+]
+
+
+@pytest.fixture
+def written(tmp_path):
+    create(tmp_path, ABOUT, {"a": False, 'b "c"': True})
+    with Store(tmp_path) as store:
+        for row in ROWS:
+            store.append(row, INPUTS)
+    return tmp_path
+
+
+def test_rows_come_back_exactly_and_in_order(written):
+    with Store(written) as store:
+        (columns,) = store.groups()
+        found = dict(zip(store.kinds, columns, strict=True))
+        assert store.done() == {0, 2, 3} and store.about == ABOUT
+        assert store.inputs(2) == INPUTS and store.inputs(1) == {}
+    assert [*found["row"]] == [0, 2, 3] and [*found["status"]] == ["failed", "ok", "ok"]
+    assert [*found["reason"]] == [ROWS[1].reason, "", ""]
+    assert [*found["duration"], *found["a"]] == [0.2, 0.1, 1e-7] + [0.1] * 3
+    assert [*found["x"], *found["y"]] == [None, 1 / 3, 1e300, None, None, 5e-324]
+
+
+def test_inputs_that_differ_in_capital_letters_alone_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"cannot begin a study .*duplicate column name: A"):
+        create(tmp_path, {"outcomes": []}, {"a": False, "A": False})
+    assert not any(tmp_path.iterdir())
+
+
+def test_full_disk(written):
+    with Store(written) as store:
+        ((pages,),) = store._database.execute("PRAGMA page_count")
+        store._database.execute(f"PRAGMA max_page_count = {pages}")
+        with pytest.raises(InputError, match=r"written \(database or disk is full\); \d+ runs are"):
+            for number in range(4, 100):
+                store.append(Row(number, "ok", 500 * "x", 0.5, (1.0, 2.0)), INPUTS)
+        kept = store.done()
+    assert kept == {0, 2, *range(3, max(kept) + 1)} and 3 < max(kept) < 99
+
+
+# --- ended in this process -------------------------------------------------------------------
 
 MOMENTS = ["a row is sent", "a row is written", "a row is reported", "a worker is lost"]
 
@@ -35,20 +89,20 @@ class Processes:
 
     ahead = 3
 
-    def __init__(self, job: Job, moment: str = "", count: int = 0) -> None:
-        """End the study at the `count`-th time of a moment; by default not at all."""
-        self.job, self.moment, self.left = job, moment, count
+    def __init__(self, job: Job, moment: str = "", left: int = 1) -> None:
+        """End the study when a moment has come so often; by default not at all."""
+        self.job, self.moment, self.left = job, moment, left
         self.ran, self.safe = set(), set()
 
     def at(self, moment: str) -> bool:
         """Return whether this is the end: the rows that have run until now must be kept."""
         self.left -= moment == self.moment
-        is_end = moment == self.moment and self.left == 0
-        if is_end:
-            self.safe = set(self.ran)
-        if is_end and moment != "a worker is lost":
+        if moment != self.moment or self.left != 0:
+            return False
+        self.safe = set(self.ran)
+        if moment != "a worker is lost":
             signal.raise_signal(signal.SIGINT)
-        return is_end
+        return True
 
     def submit(self, number: int, inputs) -> Future[Row]:
         future = Future()
@@ -61,7 +115,7 @@ class Processes:
         return future
 
     def close(self) -> None:
-        if self.moment and self.left <= 0:
+        if self.left <= 0:
             signal.raise_signal(signal.SIGINT)  # again, while it ends
 
     def run(self, folder: Path) -> set[int]:
@@ -78,7 +132,7 @@ class Processes:
             try:
                 run_study(self.job, folder, resume=True, report=lambda *_: self.at(MOMENTS[2]))
             except (KeyboardInterrupt, InputError):
-                assert self.moment and self.left <= 0
+                assert self.left <= 0
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         with Store(folder) as store:
             return store.done()
