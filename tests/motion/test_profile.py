@@ -28,30 +28,12 @@ def of_yaw(*segments, duration):
     return command_of(MotionProfile(duration=duration, tracks=[track]), DEVICE)
 
 
-SPEEDS = {  # [rad/s] by time; those of knots and swings are in the reference motion
-    "samples": (
-        [Sampled(at=1, period=2.5, speeds=[0, 1, -1, 0, 4])],
-        {0: 0, 2.25: 0.5, 3.5: 1, 4.75: 0, 6: -1, 8.5: 0, 9.75: 2, 11: 4},
-    ),
-    "fourier": (
-        [Fourier(at=1, period=4, sine=[0.3, -0.15], cosine=[0.1, 0.2], end=8)],
-        {1: 0, 2: 0.1 * np.pi, 3: -0.3 * np.pi, 4: 0.2 * np.pi, 9: 0, 11: 0},
-    ),
-    "linear ramps": (
-        [Ramp(at=1, to_deg_s=180, duration=4, blend="linear"),
-         Ramp(at=7, to_deg_s=-90, acceleration_deg_s2=180, blend="linear"),
-         Ramp(at=10, to_deg_s=0, duration=1, blend="linear")],
-        {t: v * np.pi for t, v in {1: 0, 2: 0.25, 5: 1, 7: 1, 8: 0, 9.5: -0.5, 11: 0}.items()},
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", SPEEDS)
-def test_speeds_are_those_computed_by_hand(kind):
-    segments, expected = SPEEDS[kind]
-    v = of_yaw(*segments, duration=11.0).speeds(np.array(list(expected), dtype=float))
-    np.testing.assert_allclose(v[:, 3], list(expected.values()), atol=1e-14)
-    assert not v[:, :3].any()
+def test_speeds_of_a_fourier_series_are_those_computed_by_hand():
+    """Those of knots and swings are in the reference motion."""
+    series = Fourier(at=1, period=4, sine=[0.3, -0.15], cosine=[0.1, 0.2], end=8)
+    v = of_yaw(series, duration=11.0).speeds(np.array([1.0, 2, 3, 4, 9, 11]))
+    expected = np.pi * np.array([0, 0.1, -0.3, 0.2, 0, 0])
+    np.testing.assert_allclose(v, expected[:, None] * [0, 0, 0, 1], atol=1e-14)
 
 
 @settings(max_examples=15)
