@@ -39,12 +39,10 @@ ARM = """<?xml version="1.0"?>
         <limit><effort>90</effort><velocity>3</velocity><lower>-2</lower><upper>1</upper></limit>
         <dynamics><damping>0.7</damping></dynamics>
       </axis>
-      <drake:rotor_inertia>0.01</drake:rotor_inertia>
-      <drake:gear_ratio>10</drake:gear_ratio>
+      <drake:rotor_inertia>0.01</drake:rotor_inertia><drake:gear_ratio>10</drake:gear_ratio>
     </joint>
     <joint name="elbow" type="revolute">
-      <pose relative_to="upper">0.8 0 0 0 0 0</pose>
-      <parent>upper</parent><child>lower</child>
+      <pose relative_to="upper">0.8 0 0 0 0 0</pose><parent>upper</parent><child>lower</child>
       <axis><xyz>0 1 0</xyz><limit><effort>40</effort></limit></axis>
     </joint>
   </model>
@@ -55,17 +53,13 @@ URDF = """<?xml version="1.0"?>
 <robot name="arm" xmlns:drake="http://drake.mit.edu">
   <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
   <link name="base"/>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="4"/>
-      <inertia ixx="0.25" iyy="0.5" izz="0.6" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-  </link>
-  <link name="lower">
-    <inertial>
-      <origin xyz="0.3 0 0"/><mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.25"/>
-    </inertial>
-  </link>
+  <link name="upper"><inertial>
+    <origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="4"/>
+    <inertia ixx="0.25" iyy="0.5" izz="0.6" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>
+  <link name="lower"><inertial>
+    <origin xyz="0.3 0 0"/><mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.25"/>
+  </inertial></link>
   <joint name="shoulder" type="revolute">
     <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
     <limit effort="90" velocity="3" lower="-2" upper="1"/><dynamics damping="0.7"/>

@@ -1,4 +1,4 @@
-"""Robots, motors, states and motions that hypothesis draws: random, but sensible.
+"""Robots, states and motions that hypothesis draws: random, but sensible.
 
 Hypothesis draws the choices; the numbers come from a seed that it draws, in general position.
 """
@@ -12,7 +12,6 @@ from robots import chain_names, chain_sdf, loaded
 from sdt_drake.motion import Motion, MotionProfile
 from sdt_drake.motion.profile import Track
 from sdt_drake.motion.segments import Fourier, Hold, Oscillation, Ramp, Segment, Turn
-from sdt_drake.robot.motors import Motor
 from sdt_drake.robot.robot import Robot
 
 GENERATORS = st.integers(0, 2**32 - 1).map(np.random.default_rng)
@@ -25,9 +24,7 @@ def _spread(rng: np.random.Generator, low: float, high: float, n: int) -> np.nda
 
 
 @st.composite
-def robots(
-    draw, joints: st.SearchStrategy[int] = JOINTS, *, coupled: bool = False, head: bool = False
-) -> Robot:
+def robots(draw, joints=JOINTS, *, coupled: bool = False, head: bool = False) -> Robot:
     """Chains on skew axes, with products of inertia, gears from 0.5 to 200, and joint damping.
 
     Args:
@@ -57,17 +54,12 @@ def robots(
     return loaded(text)
 
 
-def states(n: int, count: int = 3) -> st.SearchStrategy[np.ndarray]:
-    """q, v, vd [rad, rad/s, rad/s²] of n joints, shape (3, count, n)."""
-    size = np.array([3.0, 2.0, 5.0])[:, None, None]
-    return GENERATORS.map(lambda rng: size * rng.uniform(-1, 1, (3, count, n)))
-
-
 @st.composite
 def moving(draw, count: int = 3, **options) -> tuple[Robot, *tuple[np.ndarray, ...]]:
-    """A robot, and q, v, vd, each of shape (count, n)."""
-    robot = draw(robots(**options))
-    return robot, *draw(states(robot.n, count))
+    """A robot, and q, v, vd [rad, rad/s, rad/s²], each of shape (count, n)."""
+    robot, rng = draw(robots(**options)), draw(GENERATORS)
+    size = np.array([3.0, 2.0, 5.0])[:, None, None]
+    return robot, *size * rng.uniform(-1, 1, (3, count, robot.n))
 
 
 @st.composite
@@ -79,20 +71,6 @@ def motions(draw, n: int, *, period: float = 0.005, samples: int = 100) -> Motio
     v = harmonics @ rng.uniform(-0.3, 0.3, (3, n))
     v[[0, -1]] = 0
     return Motion.from_speeds(period, rng.uniform(-2, 2, n), v)
-
-
-@st.composite
-def motors(draw) -> Motor:
-    """Motors with all rules of a catalogue kept; some lose torque with their speed."""
-    rng, kind = draw(GENERATORS), draw(st.sampled_from(["torque motor", "geared motor"]))
-    peak, inertia, mass, constant, ratio = _spread(rng, 1e-2, 1e3, 5).tolist()
-    n1, beyond = rng.uniform(10, 3000, 2).tolist() if draw(st.booleans()) else (None, 0)
-    return Motor(
-        id=f"M{rng.integers(1000)}", kind=kind, source="a test", peak_torque=peak,
-        rated_torque=rng.uniform(0.1, 1) * peak, rotor_inertia=inertia, mass=mass,
-        thermal_time_constant=constant, gear_ratio=1.0 if kind == "torque motor" else ratio,
-        n1_rpm=n1, n0_rpm=None if n1 is None else n1 + beyond,
-    )  # fmt: skip
 
 
 @st.composite

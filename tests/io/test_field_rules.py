@@ -111,10 +111,12 @@ def test_bad_values_of_an_object_of_python(values, line):
         f.check(Drawing(**values), "drawing", n=4)
 
 
-def test_numbers_and_lists_of_numpy_will_do_and_lengths_wait_for_the_robot():
+def test_python_may_assign_what_fits_a_field():
     drawing = Drawing(size=np.float64(2), count=np.int64(3), widths=np.ones(2))
-    f.check(drawing)
+    f.check(drawing)  # the count of joints waits for the robot
     f.check(drawing, n=2)
+    with pytest.raises(AttributeError, match="no field 'widht', did you mean 'widths'"):
+        drawing.widht = [1.0]
 
 
 # --- a scenario ------------------------------------------------------------------------------

@@ -29,8 +29,6 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.io.yaml_files import load_yaml, yaml_text
 from sdt_drake.machine.drive_files import load_drives
-from sdt_drake.machine.fly.flight import read_flight
-from sdt_drake.machine.recordings import read_recording
 from sdt_drake.motion import load_profile
 from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.robot.robot import load_robot
@@ -41,8 +39,8 @@ from sdt_drake.studies.study import read_study
 
 TIME = np.arange(5) * 0.005
 COLUMNS = {name: np.zeros((5, 4)) for name in ("q_ref", "v_ref", "vd_ref", "q", "v", "tau")}
-FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n"
-FLIGHT += "".join(f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9))
+ABOUT = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
+ABOUT |= {"files": {}, "contents": {}}
 
 
 def yaml(name: str) -> bytes:
@@ -55,12 +53,8 @@ def written(name: str, write: Callable[[Path], object]) -> bytes:
         return (Path(folder) / name).read_bytes()
 
 
-def table(suffix: str) -> bytes:
-    return written(f"a{suffix}", lambda path: write_table(path, TIME, COLUMNS))
-
-
-ABOUT = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
-ABOUT |= {"files": {}, "contents": {}}
+def table(name: str) -> tuple[bytes, Callable[[Path], object]]:
+    return written(name, lambda path: write_table(path, TIME, COLUMNS)), read_table
 
 
 def read_store(path):
@@ -69,26 +63,20 @@ def read_store(path):
 
 
 READERS = {
-    "motors": (".yaml", yaml("motors.yaml"), load_catalogue),
-    "scenario": (".yaml", SCENARIO.encode(), load_scenario),
-    "profile": (".yaml", yaml("motions/leans.yaml"), load_profile),
-    "drives": (".yaml", yaml("drives.yaml"), lambda path: load_drives(path, 4)),
-    "study": (".yaml", yaml("studies/monte_carlo.yaml"), read_study),
-    "sdf": (".sdf", ARM.encode(), load_robot),
-    "urdf": (".urdf", URDF.encode(), load_robot),
-    "csv": (".csv", table(".csv"), read_table),
-    "mat": (".mat", table(".mat"), read_table),
-    "parquet": (".parquet", table(".parquet"), read_table),
-    "recording": (".csv", table(".csv"), lambda path: read_recording(path, load_robot())),
-    "flight": (".csv", FLIGHT.encode(), read_flight),
-    "svg": (".svg", b"<svg xmlns='http://www.w3.org/2000/svg'><g/></svg>", read_svg),
-    "study.sqlite": (
-        ".sqlite",
-        written(DATABASE, lambda path: create(path.parent, ABOUT, {})),
-        read_store,
-    ),
+    "motors.yaml": (yaml("motors.yaml"), load_catalogue),
+    "scenario.yaml": (SCENARIO.encode(), load_scenario),
+    "profile.yaml": (yaml("motions/leans.yaml"), load_profile),
+    "drives.yaml": (yaml("drives.yaml"), lambda path: load_drives(path, 4)),
+    "study.yaml": (yaml("studies/monte_carlo.yaml"), read_study),
+    "robot.sdf": (ARM.encode(), load_robot),
+    "robot.urdf": (URDF.encode(), load_robot),
+    "table.csv": table("table.csv"),
+    "table.mat": table("table.mat"),
+    "table.parquet": table("table.parquet"),
+    "picture.svg": (b"<svg xmlns='http://www.w3.org/2000/svg'><g/></svg>", read_svg),
+    DATABASE: (written(DATABASE, lambda path: create(path.parent, ABOUT, {})), read_store),
 }
-"""Suffix and content of a file of each kind, and what reads it."""
+"""A file of each kind, and what reads it."""
 
 TOKENS = [
     b"\0", b"\xff\xfe", b"-1", b"nan", b"1e999", b"9" * 400, b"[", b"{", b"&a ", b"*a",
@@ -110,10 +98,9 @@ def changed(draw, content: bytes) -> bytes:
     return content
 
 
-@pytest.mark.parametrize("kind", READERS)
-def test_any_bytes_are_an_object_that_can_be_written_or_an_input_error(kind, tmp_path):
-    suffix, content, read = READERS[kind]
-    file = tmp_path / (DATABASE if kind == "study.sqlite" else f"file{suffix}")
+@pytest.mark.parametrize("name", READERS)
+def test_any_bytes_are_an_object_that_can_be_written_or_an_input_error(name, tmp_path):
+    (content, read), file = READERS[name], tmp_path / name
 
     def check(data):
         file.write_bytes(data)
@@ -136,7 +123,7 @@ def test_any_bytes_are_an_object_that_can_be_written_or_an_input_error(kind, tmp
 
     check(content)
     check_changed()
-    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 # --- small files that ask for much -----------------------------------------------------------
@@ -172,11 +159,10 @@ def test_a_file_that_needs_more_memory_than_its_size_is_refused(
         read_table(tmp_path / name)
 
 
-@pytest.mark.parametrize("compressed", [False, True])
-def test_matrices_are_those_of_scipy(compressed, tmp_path):
+def test_compressed_matrices_are_those_of_scipy(tmp_path):
     q = np.arange(12, dtype=np.int16).reshape(6, 2)
     content = {"time": np.arange(6.0), "log": {"q": q, "deeper": {"v": q / 8}}, "text": "a"}
-    savemat(tmp_path / "a.mat", content, do_compression=compressed, oned_as="column")
+    savemat(tmp_path / "a.mat", content, do_compression=True, oned_as="column")
     found = read_mat(tmp_path / "a.mat", 10_000)
     assert set(found) == {"time", "log.q", "log.deeper.v"}
     np.testing.assert_array_equal(found["log.q"], q)

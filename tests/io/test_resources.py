@@ -20,17 +20,20 @@ def test_every_file_that_ships_has_one_short_name():
         assert named(path, "motion") == path
 
 
-def test_what_is_not_there_is_told_with_its_like(tmp_path, monkeypatch):
+MISSING = [
+    ("graveyard_spn", "motion", "no such motion, did you mean 'graveyard_spin' or "),
+    ("zzz", "study", "no such study; shipped: monte_carlo, sizing (looked in {}"),
+    ("./mine", "scenario", "no such file, did you mean './mine.yaml'? (looked in "),
+    ("package://sdt/sdt.sd", "", "no such file, did you mean 'package://sdt/sdt.sdf'? (loo"),
+]
+
+
+@pytest.mark.parametrize(("text", "kind", "message"), MISSING)
+def test_what_is_not_there_is_told_with_its_like(text, kind, message, tmp_path, monkeypatch):
     (tmp_path / "mine.yaml").touch()
     monkeypatch.chdir(tmp_path)
-    for text, kind, message in (
-        ("graveyard_spn", "motion", "no such motion, did you mean 'graveyard_spin' or "),
-        ("zzz", "study", f"no such study; shipped: monte_carlo, sizing (looked in {tmp_path}"),
-        ("./mine", "scenario", "no such file, did you mean './mine.yaml'? (looked in "),
-        ("package://sdt/sdt.sd", "", "no such file, did you mean 'package://sdt/sdt.sdf'? (loo"),
-    ):
-        with pytest.raises(InputError, match=f"^{re.escape(f'{text}: {message}')}"):
-            find_file(text, kind)
+    with pytest.raises(InputError, match=f"^{text}: {re.escape(message.format(tmp_path))}"):
+        find_file(text, kind)
 
 
 # --- --set ----------------------------------------------------------------------------------------
@@ -47,8 +50,7 @@ def test_changes_are_as_in_the_file_but_paths_start_where_we_are(tmp_path, monke
     changed = load_scenario("sub/run.yaml", changes)
     (tmp_path / "whole.yaml").write_text("""\
 {name: run, robot: sub/its.sdf, motion: leans, device: {catalogue: mine.yaml},
- plant: {deviation: {inertia_scale: 2}},
- controller: {kind: pi_ctc, omega_r: 60, zeta: [1, 0.9]}}
+ plant: {deviation: {inertia_scale: 2}}, controller: {kind: pi_ctc, omega_r: 60, zeta: [1, .9]}}
 """)
     assert changed == load_scenario("whole.yaml")
     assert changed.robot == f"{tmp_path}/sub/its.sdf"
