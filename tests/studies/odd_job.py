@@ -11,7 +11,6 @@ import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 
 from sdt_drake.io.versions import versions
 from sdt_drake.studies.table import Row
@@ -34,7 +33,7 @@ class OddJob:
 
     @property
     def study(self):
-        return SimpleNamespace(timeout=self.timeout)
+        return self  # with the timeout
 
     def runner(self, folder: Path):
         assert folder.is_dir()

@@ -51,11 +51,9 @@ def test_outcomes_are_those_of_a_run(base, robot):
     recording = simulate(design)
     tracking, motors = track(recording, design.motion), motor_use(recording, robot)
     outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
-    for family, expected in (
-        ("rms_speed_error", tracking.rms_speed_error),
-        ("peak_torque_share", motors.peak_share),
-        ("rms_torque_share", motors.rms_share),
-    ):
+    each = {"rms_speed_error": tracking.rms_speed_error}
+    each |= {"peak_torque_share": motors.peak_share, "rms_torque_share": motors.rms_share}
+    for family, expected in each.items():
         found = [outcomes[f"{family}_{k + 1}"] for k in range(robot.n)]
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
         assert found[1] > 1e-3
@@ -203,14 +201,13 @@ def test_chosen_motors_limit_planner_and_loop_as_the_same_numbers_of_the_drive_d
 
 def test_what_has_motor_loads():
     """A robot whose masses contain no motors, too, if each joint has one of the catalogue."""
-    scenario = Scenario(device=DeviceChoice([*FITTED], fitted=[""] * 4))
-    assert not has_motor_loads(scenario)  # an axis plant
-    scenario.plant.kind = "coupled"
-    assert has_motor_loads(scenario)
-    scenario.device.motors[3] = ""
-    assert not has_motor_loads(scenario)
-    scenario.device = DeviceChoice()
-    assert not has_motor_loads(scenario)
+
+    def has(kind: str, *device) -> bool:
+        scenario = Scenario(device=DeviceChoice(*device))
+        return has_motor_loads(with_fields(scenario, {"plant.kind": kind}))
+
+    assert has("coupled", FITTED)
+    assert not has("axis", FITTED) and not has("coupled", [*FITTED[:3], ""]) and not has("coupled")
 
 
 # --- jobs ------------------------------------------------------------------------------------
