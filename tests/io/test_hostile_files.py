@@ -129,34 +129,25 @@ def test_any_bytes_are_an_object_that_can_be_written_or_an_input_error(name, tmp
 # --- small files that ask for much -----------------------------------------------------------
 
 
-def compressed_mat(path):
-    savemat(path, {"q": np.zeros((26, 1000))}, do_compression=True)
-
-
-def nested_mat(path):
-    """Structures in each other, of which many make scipy's reader end the process."""
-    savemat(path, functools.reduce(lambda inner, _: {"q": inner}, range(25), {"q": TIME}))
-
-
-def compressed_parquet(path):
-    parquet.write_table(pa.table(dict.fromkeys(("time", "q_1"), np.zeros(500))), path)
-
+NESTED = functools.reduce(lambda inner, _: {"q": inner}, range(25), {"q": TIME})
+"""Structures in each other, of which many make scipy's reader end the process."""
+ZEROS = pa.table(dict.fromkeys(("time", "q_1"), np.zeros(500)))
 
 LARGE = [
-    ("a.mat", compressed_mat, "more than 7200 bytes without compression"),
-    ("a.mat", nested_mat, "20 nested"),
-    ("a.parquet", compressed_parquet, "1000 numbers, expected at most 900 in a file of its size"),
-]
+    ("a.mat", lambda path: savemat(path, {"q": np.zeros((26, 1000))}, do_compression=True),
+     "more than 7200 bytes without compression"),
+    ("a.mat", lambda path: savemat(path, NESTED), "20 nested"),
+    ("a.parquet", lambda path: parquet.write_table(ZEROS, path),
+     "1000 numbers, expected at most 900 in a file of its size"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name, write, message", LARGE)
-def test_a_file_that_needs_more_memory_than_its_size_is_refused(
-    name, write, message, tmp_path, monkeypatch
-):
+def test_files_that_need_more_memory_than_their_size_are_refused(name, write, message, monkeypatch):
     monkeypatch.setattr(formats, "MAX_NUMBERS", 900)
-    write(tmp_path / name)
-    with pytest.raises(InputError, match=message):
-        read_table(tmp_path / name)
+    with TemporaryDirectory() as folder, pytest.raises(InputError, match=message):
+        write(Path(folder) / name)
+        read_table(Path(folder) / name)
 
 
 def test_compressed_matrices_are_those_of_scipy(tmp_path):

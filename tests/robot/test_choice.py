@@ -1,4 +1,4 @@
-"""The chosen device against calculations by hand: masses, inertias, limits, frequency."""
+"""The chosen device against calculations by hand, and the catalogue that it is chosen from."""
 
 from __future__ import annotations
 
@@ -34,10 +34,6 @@ def total_mass(robot) -> float:
     return robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext())
 
 
-def groups(robot):
-    return torque_groups(robot, Q, 0 * Q, 0 * Q)
-
-
 CHOICES = {
     "lighter": ({"motors": LIGHTER, "fitted": FITTED}, [150, 2860, 1430, 716], ROTORS, 67.2),
     "gears alone": ({"gear_ratio": [50, 1, 1, 1]}, [203.2, 3950, 2150, 2150], None, 50),
@@ -66,12 +62,12 @@ def test_a_choice_of_nothing_is_the_robot_itself(robot):
 def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
     """Joint 1 stands on the ground; the others 2.6 m from its axis, on their own axes."""
     other = chosen_robot(robot, DeviceChoice(motors=LIGHTER, fitted=FITTED))
-    moving = sum(MASS[x] for x in LIGHTER[1:]) - sum(MASS[x] for x in FITTED[1:])
+    moving = sum(MASS[new] - MASS[old] for new, old in zip(LIGHTER[1:], FITTED[1:], strict=True))
     assert total_mass(other) == pytest.approx(total_mass(robot) + moving, rel=1e-14)
-    by_hand = groups(robot).d_kk + np.array([moving * ARM**2, 0, 0, 0])
-    np.testing.assert_allclose(groups(other).d_kk, by_hand, rtol=1e-12)
-    # The axes meet where the masses are.
-    np.testing.assert_allclose(groups(other).gravity, groups(robot).gravity, atol=1e-9)
+    after, before = (torque_groups(r, Q, 0 * Q, 0 * Q) for r in (other, robot))
+    by_hand = np.add(before.d_kk, [moving * ARM**2, 0, 0, 0])
+    np.testing.assert_allclose(after.d_kk, by_hand, rtol=1e-12)
+    np.testing.assert_allclose(after.gravity, before.gravity, atol=1e-9)  # the axes meet there
 
 
 def test_structure_scales_and_neither_payload_nor_motors_do(robot):
@@ -130,3 +126,35 @@ def test_planner_controller_and_plant_know_the_device(robot, design):
     omega_n = 0.5 * 65.991 * chosen.frequency_factor
     np.testing.assert_allclose(made.gains.ki, omega_n**2 * i_eff, rtol=1e-12)
     assert chosen.frequency_factor != 1
+
+
+# --- the catalogue -----------------------------------------------------------------------------
+
+MOTOR = """
+  - {id: M1, kind: torque motor, peak_torque: 100, rated_torque: 40, rotor_inertia: 0.1,
+     n1_rpm: 60, n0_rpm: 120, mass: 10, thermal_time_constant: 180, source: illustrative}
+"""
+
+
+def test_rpm_become_rad_per_s(tmp_path):
+    (tmp_path / "motors.yaml").write_text("motors:" + MOTOR)
+    (motor,) = load_catalogue(tmp_path / "motors.yaml").motors
+    assert (motor.n1, motor.n0) == pytest.approx((2 * np.pi, 4 * np.pi), rel=1e-15)
+    assert motor.gear_ratio == 1
+
+
+BAD_MOTORS = [
+    ("n0_rpm: 120", "n0_rpm: 60", "motors[1].n0_rpm: 60, expected more than n1_rpm, 60"),
+    ("mass: 10", "gear_ratio: 2, mass: 10", "motors[1].gear_ratio: 2, but a torque motor dri"),
+    (MOTOR, MOTOR + MOTOR, "motors[2].id: 'M1' is given twice"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, message", BAD_MOTORS, ids=[case[-1] for case in BAD_MOTORS])
+def test_a_bad_motor_is_refused_with_file_and_field(tmp_path, old, new, message):
+    path = tmp_path / "motors.yaml"
+    path.write_text("motors:" + MOTOR.replace(old, new))
+    with pytest.raises(InputError) as error:
+        load_catalogue(path)
+    (line,) = error.value.lines
+    assert line.startswith(f"{path}: {message}")

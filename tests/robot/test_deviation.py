@@ -29,13 +29,13 @@ def test_an_edit_reaches_the_plant_and_not_the_file_and_is_checked():
         with_mass("-7")
 
 
-@pytest.mark.parametrize(
-    "pose, com, moments",
-    [
-        ('<pose rotation_format="quat_xyzw"/>', [0.1, 0.2, 0.3], [0.1, 0.2, 0.25]),
-        ('<pose degrees="true">\n .3 0 -1\n 0 0 90 </pose>', [0.4, 0.2, -0.7], [0.2, 0.1, 0.25]),
-    ],
-)
+POSES = [
+    ('<pose rotation_format="quat_xyzw"/>', [0.1, 0.2, 0.3], [0.1, 0.2, 0.25]),
+    ('<pose degrees="true">\n .3 0 -1\n 0 0 90 </pose>', [0.4, 0.2, -0.7], [0.2, 0.1, 0.25]),
+]
+
+
+@pytest.mark.parametrize("pose, com, moments", POSES)
 def test_any_way_to_write_the_pose_of_the_payload_will_do(pose, com, moments):
     """The offset does not turn the inertia."""
     arm = loaded(ARM.replace("<pose>0.3 0 0 0 0 0</pose>", pose))
@@ -53,14 +53,14 @@ def test_without_errors_the_model_is_the_robot_itself(robot):
         assert deviated(robot, Deviation(**{name: value})) is not robot
 
 
-@pytest.mark.parametrize(
-    "values, message",
-    [
-        ({"payload_mass": -180, "inertia_scale": 2.0}, "payload_mass: -180 kg would leave 0 kg of"),
-        ({"payload": "seat"}, "payload: no link 'seat', expected one of arm, roll_frame"),
-        ({"link_scales": [1.1] * 4}, "link_scales: 4 value(s), expected 5, one for each of arm"),
-    ],
-)
+BAD = [
+    ({"payload_mass": -180, "inertia_scale": 2.0}, "payload_mass: -180 kg would leave 0 kg of"),
+    ({"payload": "seat"}, "payload: no link 'seat', expected one of arm, roll_frame"),
+    ({"link_scales": [1.1] * 4}, "link_scales: 4 value(s), expected 5, one for each of arm"),
+]
+
+
+@pytest.mark.parametrize("values, message", BAD)
 def test_an_error_that_does_not_fit_the_robot_is_refused(robot, values, message):
     with pytest.raises(InputError, match="^" + re.escape(f"model.{message}")):
         deviated(robot, Deviation(**values), "model")

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.robot.device import (
-    Elasticity,
-    Friction,
-    friction_parameters,
-    sliding_friction,
-    springs_of,
-)
+from sdt_drake.robot import device
+from sdt_drake.robot.device import Elasticity, Friction, springs_of
 
 V_S = 0.03  # rad/s
 COULOMB, VISCOUS = [300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0]
@@ -31,7 +26,7 @@ GRAVITY = np.array([0.0, 500.0, 900.0, -300.0])  # N m/rad
 def at(friction, v):
     """Friction at the same speed of every joint, or at speeds of shape (N,): (N, 4)."""
     v = np.multiply.outer(np.asarray(v, dtype=float), np.ones(4))
-    return sliding_friction(friction_parameters(friction, 4), v)
+    return device.sliding_friction(device.friction_parameters(friction, 4), v)
 
 
 def test_friction_by_hand():
@@ -52,13 +47,12 @@ def test_the_peak_of_friction_at_the_stribeck_speed_is_breakaway():
     np.testing.assert_allclose(friction.max(axis=0), BREAKAWAY, rtol=1e-9)
     np.testing.assert_allclose(v[friction.argmax(axis=0)][[0, 2, 3]], V_S, rtol=2e-3)
     np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
-    np.testing.assert_array_equal(at(Friction(coulomb=COULOMB), v[:2]), [COULOMB] * 2)
 
 
-def test_defaults_are_no_friction():
+def test_defaults_are_no_friction_and_no_peak():
     assert Friction().is_none and Friction(stribeck_speed=1.0).is_none
     assert not any(Friction(**{x: [0.0]}).is_none for x in ("coulomb", "viscous", "breakaway"))
-    np.testing.assert_array_equal(at(Friction(), 0.01), 0)
+    np.testing.assert_array_equal(at(Friction(coulomb=COULOMB), V_S), COULOMB)
 
 
 def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
@@ -76,13 +70,13 @@ def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
             np.testing.assert_allclose(-roots.real / np.abs(roots), zeta, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "frequency, message",
-    [
-        (30.0, "natural_frequency: 30 rad/s, but gravity alone makes joint 3 swing with 30; exp"),
-        (1e200, "natural_frequency 1e+200 rad/s and damping_ratio 0.01 are too large for joint 3"),
-    ],
-)
+BAD = [
+    (30.0, "natural_frequency: 30 rad/s, but gravity alone makes joint 3 swing with 30; exp"),
+    (1e200, "natural_frequency 1e+200 rad/s and damping_ratio 0.01 are too large for joint 3"),
+]
+
+
+@pytest.mark.parametrize("frequency, message", BAD)
 def test_frequencies_that_no_spring_has_are_refused(frequency, message):
     with pytest.raises(InputError, match=re.escape(message)):
         springs_of(Elasticity([0.0, 0.0, frequency, 0.0]), INERTIA, [0, 0, 900.0 * 790, 0])
