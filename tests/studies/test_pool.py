@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 from dataclasses import replace
-from multiprocessing import resource_tracker
 from pathlib import Path
 
 import odd_job
@@ -68,21 +66,15 @@ def test_a_process_is_replaced_after_50_rows_not_by_a_ctrl_c(pool):
 
 def test_rows_that_end_their_process_or_hang(pool):
     """No row that ends its process has a time-out that a busy machine could reach."""
-    resource_tracker.ensure_running()  # of multiprocessing, which keeps a descriptor
-    before = os.listdir("/proc/self/fd")
     one = pool({0: "abort", 1: "kill once"})
     rows = [future.result() for future in [one.submit(number, {}) for number in range(3)]]
-    one.close()
     hanging = pool({0: "hang"}, timeout=0.5)
     late = hanging.submit(0, {}).result()
-    hanging.close()
-    gc.collect()  # of processes that have ended
 
     assert late == Row(0, "timed_out", "not done after 0.5 s", 0.5, ())
     assert [row.status for row in rows] == ["crashed", "ok", "ok"] and rows[1].reason == ""
     assert rows[0].reason.startswith("its process ended 2 times (")
     assert "abort: matrix is singular" in rows[0].reason or "Aborted" in rows[0].reason
-    assert os.listdir("/proc/self/fd") == before
 
 
 def test_each_row_reports_a_process_that_does_not_start(pool):
