@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from sdt_drake.io import errors
+from sdt_drake.io import errors, files
 from sdt_drake.io.errors import InputError, Problem, at, within
 from sdt_drake.io.files import checked_input, checked_output, keeping_inputs, read_text, replacing
 from sdt_drake.io.resources import find_file
@@ -90,6 +90,15 @@ def test_two_that_write_the_same_file_do_not_meet(path):
         one.write_text("one")
         other.write_text("other")
     assert path.read_text() == "one" and len(list(path.parent.iterdir())) == 2
+
+
+def test_a_folder_is_for_one_at_a_time(tmp_path):
+    def taken():
+        raise InputError("another process")
+
+    with files.alone_in(tmp_path / "new", pytest.fail):
+        refused("another process", files.alone_in(tmp_path / "new", taken).__enter__)
+    assert not (tmp_path / "new").exists()  # as it is empty
 
 
 def test_numbers_at_their_bounds(path):

@@ -3,39 +3,28 @@
 from __future__ import annotations
 
 import os
-import sys
-from types import ModuleType
 
-import matplotlib
 import matplotlib.pyplot as plt
 import pytest
 from command_line import FIGURE, WRITERS, program, refused
-from matplotlib.backend_bases import FigureManagerBase
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from sdt_drake.show import style
 
 FIGURES = {name: about for name, (about, _) in WRITERS.items() if name != "diagram"}
 
 
 @pytest.fixture
 def screen(monkeypatch):
-    """A backend with windows; the list of the figures that were shown in them."""
+    """The list of the figures that were shown, as if windows could be opened."""
     shown = []
 
-    class Manager(FigureManagerBase):
-        @classmethod
-        def pyplot_show(cls, *, block=None):
-            assert block
-            shown.extend(plt.figure(number) for number in plt.get_fignums())
+    def show(*, block):
+        assert block
+        shown.extend(plt.figure(number).canvas.figure for number in plt.get_fignums())
 
-    class Canvas(FigureCanvasAgg):
-        manager_class = Manager
-
-    backend = ModuleType("screen_of_the_test")
-    backend.FigureCanvas, backend.FigureManager = Canvas, Manager
-    monkeypatch.setitem(sys.modules, backend.__name__, backend)
-    matplotlib.use(f"module://{backend.__name__}")
-    yield shown
-    matplotlib.use("Agg")
+    monkeypatch.setattr(style, "_FILE_BACKENDS", ())
+    monkeypatch.setattr(plt, "show", show)
+    return shown
 
 
 @pytest.mark.parametrize("name, suffix", [("tune", "pdf"), ("plan", "png")])
