@@ -7,9 +7,7 @@ from pydrake.common.yaml import yaml_load_data
 
 from sdt_drake.io import yaml_files
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.resources import models_dir
 from sdt_drake.io.yaml_files import read_yaml
-from sdt_drake.run.scenario import load_scenario
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n"
 for old, new in ("ab", "bc", "cd", "de", "ef", "fg", "gh", "hi"):
@@ -55,11 +53,6 @@ f: |
     assert read_yaml(path) == yaml_load_data(text)
     path.write_text("# nothing\n")
     assert read_yaml(path) is None
-
-
-def test_a_file_of_another_kind_is_one_line():
-    with pytest.raises(InputError, match=r"leans\.yaml: is a motion, expected a scenario$"):
-        load_scenario(models_dir() / "motions/leans.yaml")
 
 
 def test_too_many_values_are_refused_before_all_is_read(monkeypatch, tmp_path):
