@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -58,6 +59,7 @@ def test_links_stay_links_and_lead_somewhere(path):
 def test_what_is_read_is_replaced_by_the_same_only(path, alias):
     other = path.parent / alias.format(path.parent.name)
     with keeping_inputs():
+        checked_input(Path(__file__))
         checked_input(path)
         write(other, "old")  # as a study that goes on does
         refused("is read by this command", write, other, "old and more")

@@ -134,11 +134,6 @@ def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some():
         deviated(robot, Deviation("upper", payload_mass=1.0))
 
 
-def test_a_file_that_is_no_robot_is_refused(tmp_path):
-    (tmp_path / "binary.sdf").write_bytes(b"\xff\xfe\x00\x01")
-    for reference, message in (
-        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf or \.urdf"),
-        (tmp_path / "binary.sdf", r"binary\.sdf: not well-formed XML"),
-    ):
-        with pytest.raises(InputError, match=message):
-            load_robot(reference)
+def test_a_file_of_another_kind_is_no_robot():
+    with pytest.raises(InputError, match=r"reference\.yaml: expected an \.sdf or \.urdf"):
+        load_robot("package://sdt/motions/reference.yaml")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydrake.math import RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from robots import URDF, loaded, refused
@@ -47,9 +47,9 @@ def test_frames_and_links_without_mass_are_read():
         "<frame name='head' link='tool' xyz='0 2 0' rpy='0 0 1'/></robot>"
     )
     plant = loaded(URDF.replace("</robot>", more), ".urdf").plant
-    X = plant.GetFrameByName("head").CalcPoseInWorld(plant.CreateDefaultContext())
-    np.testing.assert_allclose(X.translation(), [1.8, 2, 0], atol=1e-15)
-    np.testing.assert_allclose(RollPitchYaw(X.rotation()).vector(), [0, 0, 1], atol=1e-15)
+    found = plant.GetFrameByName("head").CalcPoseInWorld(plant.CreateDefaultContext())
+    expected = RigidTransform(RollPitchYaw(0, 0, 1), [1.8, 2, 0])
+    np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-15)
 
 
 _SHOULDER, _ELBOW = "joint 'shoulder'.*", "joint 'elbow'.*"
