@@ -75,22 +75,18 @@ def seed(fault: dict, tree: Path) -> tuple[Path, str]:
     raise LookupError(f"{fault['id']}: '{fault['old']}' is not in the package once")
 
 
-def likeliest(tree: Path, file: Path, source: str, hint: str) -> list[str]:
+def likeliest(tree: Path, file: Path, hint: str) -> list[str]:
     """All files of tests, those first that have to do with a file of the package."""
-    module = file.relative_to(tree).with_suffix("")
-    package = ".".join(module.parts[:-1])
-    names = "|".join(re.findall(r"^(?:class|def) ([A-Za-z]\w{4,})", source, re.MULTILINE)) or "$."
+    package, module = file.relative_to(tree).with_suffix("").parts[-2:]
 
     def score(path: Path) -> float:
         text = path.read_text(encoding="utf-8")
         return (
             1000 * (str(path.relative_to(tree)) == hint)
-            + 20 * (path.stem == f"test_{module.name}")
-            + 8 * (module.name in path.stem)
-            + 8 * (module.parent.name in path.stem)
-            + 5 * (path.parent.name == module.parent.name)
-            + 6 * (f"{package}.{module.name}" in text or f"{package} import {module.name}" in text)
-            + 4 * bool(re.search(rf"\b({names})\b", text))
+            + 20 * (path.stem == f"test_{module}")
+            + 6 * (module in path.stem)
+            + 12 * (path.parent.name == package)
+            + 6 * bool(re.search(rf"{package}(\.| import ){module}\b", text))
             - len(text) / 10_000  # the short ones first
         )
 
@@ -106,7 +102,7 @@ def caught_by(fault: dict, tree: Path, known: str, limit: float, most: int) -> s
     failing: list[str] = []  # without the fault, too
     path, text = seed(fault, tree)
     seeded = path.read_text(encoding="utf-8")
-    files = likeliest(tree, path, text, known.partition("::")[0])[:most]
+    files = likeliest(tree, path, known.partition("::")[0])[:most]
     for tests in ([known.partition("[")[0]], files) if "::" in known else (files,):
         while True:
             path.write_text(seeded, encoding="utf-8")
