@@ -39,8 +39,8 @@ def pool(tmp_path, temporary, capfd):
     """Makes a pool; it is closed at the end, and leaves no files and has printed nothing."""
     made = []
 
-    def make(*acts, **options) -> Pool:
-        made.append(Pool(OddJob(str(tmp_path), *acts, **options)))
+    def make(*acts, count=1, **options) -> Pool:
+        made.append(Pool(OddJob(str(tmp_path), *acts, **options), count))
         return made[-1]
 
     yield make
@@ -66,8 +66,8 @@ def test_a_process_is_replaced_after_50_rows_not_by_a_ctrl_c(pool):
 
 def test_rows_that_end_their_process_or_hang(pool):
     """No row that ends its process has a time-out that a busy machine could reach."""
-    one = pool({0: "abort", 1: "kill once"})
-    rows = [future.result() for future in [one.submit(number, {}) for number in range(3)]]
+    two = pool({0: "abort", 1: "kill once"}, count=2)
+    rows = [future.result() for future in [two.submit(number, {}) for number in range(3)]]
     hanging = pool({0: "hang"}, timeout=0.5)
     late = hanging.submit(0, {}).result()
 
@@ -118,7 +118,7 @@ def test_a_study_survives_a_worker_and_reports_other_versions_and_a_lost_schedul
     with pytest.raises(InputError, match="that joined has drake"):
         run_row(other, 0, {})
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+        n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50
     ) as dask:
         killed = dask.workers[0].pid
 

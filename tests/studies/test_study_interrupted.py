@@ -205,6 +205,6 @@ def test_ctrl_c_and_resume(desk, undisturbed, capfd):
     with Store(desk / "many") as store:
         there = len(store.done())
     assert 2 <= there < RUNS and not (desk / "many" / "results.parquet").exists()
-    assert main(["study", "many.yaml", "--resume", "--workers", "2"]) == 0
+    assert main(["study", "many.yaml", "--resume"]) == 0
     assert capfd.readouterr().out.startswith(f"{there} of {RUNS} runs\n")
     assert rows(desk / "many").equals(rows(undisturbed))
