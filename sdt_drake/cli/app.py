@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines: Sequence[str] = ()
     bar.begin()
     try:
-        with watching(bar.tell):
+        with watching(bar.report):
             code = _run([text for text in arguments if text != "--traceback"])
     except KeyboardInterrupt:
         code = INTERRUPTED

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, number
-from sdt_drake.cli.printing import print_joints, say
+from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.results import RESULT_TABLES
 from sdt_drake.io.shown import formatted
 
@@ -44,22 +44,22 @@ def run(
         response = sdt.bode(design, time=time)
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
-    say(f"{chosen.summary().title}: {_verdict(response, design.robot)}")
+    echo(f"{chosen.summary().title}: {_verdict(response, design.robot)}")
     print_joints(design.robot.joint_names, _columns(response))
     cut = f"the loop is cut at {response.cut}"
     if response.at_positions:
         cut += f", sampled every {design.motion.period:g} s"
-    say(f"The response is the link's speed over its reference, without feedforward; {cut}.")
+    echo(f"The response is the link's speed over its reference, without feedforward; {cut}.")
     times = design.motion.time[response.sample]
     if time is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
-        say(f"Each joint is linearised at rest where its inertia is largest, at {joints} s.")
+        echo(f"Each joint is linearised at rest where its inertia is largest, at {joints} s.")
     else:
-        say(
+        echo(
             f"All joints are linearised at rest, with the angles of the motion at {times[0]:.3f} s."
         )
     for clause in left_out(design, response):
-        say(f"note: {clause}")
+        echo(f"note: {clause}")
     common.deliver(
         out,
         show,

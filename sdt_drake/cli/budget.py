@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
-from sdt_drake.cli.printing import print_table, say
+from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import within
 from sdt_drake.io.results import RESULT_TABLES, Results
 
@@ -45,13 +45,13 @@ def run(
     rms = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in signals.items()}
     k = int(rms["whole"].argmax())
     cause = max((name for name in signals if name != "whole"), key=lambda name: float(rms[name][k]))
-    say(
+    echo(
         f"{design.scenario.name}: the speed error is largest at {design.robot.joint(k)}, "
         f"{rms['whole'][k]:.2g} rad/s RMS; its largest part is the {cause}, "
         f"{rms[cause][k]:.2g} rad/s"
     )
-    say("RMS of the speed error and of its parts [rad/s]; the largest values are in brackets.")
-    say("The parts add up to the whole at every instant, but their RMS and largest values do not.")
+    echo("RMS of the speed error and of its parts [rad/s]; the largest values are in brackets.")
+    echo("The parts add up to the whole at every instant, but their RMS and largest values do not.")
 
     def size(error: Array) -> str:
         return f"{np.sqrt(np.mean(error**2)):.2g} ({np.abs(error).max():.2g})"

@@ -13,7 +13,7 @@ from cyclopts import Parameter, Token
 from cyclopts.validators import Number
 
 from sdt_drake.cli import completion
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError, Problem, is_within, retelling
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, FIGURES, check_binary
@@ -331,7 +331,7 @@ def deliver(
             save(figure(), out)
         else:
             write(out)
-        say(f"{out} written")
+        echo(f"{out} written")
     if show:
         from sdt_drake.show import style
 

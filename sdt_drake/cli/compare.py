@@ -9,7 +9,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common, completion
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
-from sdt_drake.cli.printing import print_table, say
+from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import within
 
 if TYPE_CHECKING:
@@ -52,19 +52,21 @@ def run(
     with within(scenario), common.naming_file(scenario, name):
         compared = sdt.compare(design, labels)
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
-    say(f"{name}: {count} on the {plant} plant{_ranking(compared)}")
+    echo(f"{name}: {count} on the {plant} plant{_ranking(compared)}")
     print_table(*comparison.comparison_rows(compared), keys=2)
-    say("Speeds and positions: joint side. Torques: motor side, in % of the motor's torque limit.")
+    echo("Speeds and positions: joint side. Torques: motor side, in % of the motor's torque limit.")
     for c in compared:
         for line in stops_passed(c.recording, c.design.robot.joint_names):
-            say(f"note: {c.label}: {line}")
-    say()
+            echo(f"note: {c.label}: {line}")
+    echo()
     header, rows = comparison.felt_rows(compared)
     if rows:
         print_table(header, rows)
-        say("felt: share of the time in which the pilot could feel the error; largest: multiple of")
-        say("the threshold of feeling, about and along the axes of the head")
-        say()
+        echo(
+            "felt: share of the time in which the pilot could feel the error; largest: multiple of"
+        )
+        echo("the threshold of feeling, about and along the axes of the head")
+        echo()
     print_table(
         ("controller", "blocks", "needs to know"),
         [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, Out, Scenario, Trust, Whole, number
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 
 
 def run(
@@ -44,4 +44,4 @@ def run(
     path = out or Path(f"{name}.{format_}")
     loop = make_loop(design)
     write_diagram(loop, path, format_=format_, max_depth=depth, drake=drake)
-    say(f"{path} written")
+    echo(f"{path} written")

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 import sdt_drake
 from sdt_drake.cli import COMMANDS
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError
 
 
@@ -37,9 +37,9 @@ def run(
         raise InputError(f"{folder}: no index.html, expected the folder of the documentation")
     addresses = [_address(page, folder) for page in pages(topic)]
     for address in addresses:
-        say(address)
+        echo(address)
     if not print_only and not webbrowser.open(addresses[0]):
-        say("No browser was found: open the address above.")
+        echo("No browser was found: open the address above.")
 
 
 def pages(topic: str | None) -> list[str]:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Out, Robot, number
-from sdt_drake.cli.printing import print_joints, say
+from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import whole_periods
 
 
@@ -59,31 +59,31 @@ def run(
     if payload is not None:
         target, gently = Target.payload(model, (payload or ["payload"])[0], noise), GENTLY
     found = excite(target, duration, margin=margin, gently=gently, acceleration=acceleration)
-    say(
+    echo(
         f"{model.name}: {duration:g} s of motion identify {len(target.names)} parameters with "
         f"condition number {found.condition:.3g} (harmonics of {found.base_frequency:g} Hz)"
     )
     if out is None:
-        say("next: write the motion with --out excite.yaml and record it on the machine")
+        echo("next: write the motion with --out excite.yaml and record it on the machine")
     else:
-        say(f"next: record {out} on the machine, then sdt-drake identify with the recording")
+        echo(f"next: record {out} on the machine, then sdt-drake identify with the recording")
     if found.fitted < duration:
-        say(f"From {found.fitted:g} s on, another motion follows, which `identify` holds out.")
+        echo(f"From {found.fitted:g} s on, another motion follows, which `identify` holds out.")
     for line in assumed(model, acceleration):
-        say(f"assumed: {line}")
+        echo(f"assumed: {line}")
     columns = [(f"{name} [%]", ".1f", 100 * use) for name, use in found.used.items()]
     print_joints(model.joint_names, columns)
-    say("in % of the limits; obstacles and people in the machine are not taken into account")
-    say()
-    say(f"{'std':>12}{'in the file':>14}  parameter")
+    echo("in % of the limits; obstacles and people in the machine are not taken into account")
+    echo()
+    echo(f"{'std':>12}{'in the file':>14}  parameter")
     for name, value, sigma in zip(target.names, target.expected, found.sigma, strict=True):
         known = formatted(0.0 if abs(value) < 1e-9 else value, ".5g")
-        say(f"{sigma:12.3g}{known:>14}  {name}")
-    say(
+        echo(f"{sigma:12.3g}{known:>14}  {name}")
+    echo(
         f"std: expected standard deviation, from the first {found.fitted:g} s at {RATE:g} Hz with "
         f"torque noise of {100 * noise:g} % of each joint's torque limit"
     )
-    say(PARAMETERS_IN_WORDS)
+    echo(PARAMETERS_IN_WORDS)
     if out is not None:
         found.save(out)
-        say(f"{out} written")
+        echo(f"{out} written")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Target, Trust, Whole, number, one_of
-from sdt_drake.cli.printing import print_table, say
+from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
 
@@ -72,21 +72,21 @@ def run(
     fed = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
     period, cycle = design.motion.period, drives.cycle_time
     worst = max((x for x in fed if x.source in FILES), key=lambda x: float(x.position_error.max()))
-    say(
+    echo(
         f"{motion}: {design.motion.duration:g} s for drives with a cycle of "
         f"{1e3 * cycle:g} ms, written into {out}; largest position error of a loop that plays the "
         f"files back {np.degrees(worst.position_error.max()):.2g} deg "
         f"({design.robot.joint(int(worst.position_error.argmax()))}, {worst.source})"
     )
     if abs(period / cycle - round(period / cycle)) > 1e-6:
-        say(
+        echo(
             f"note: the motion's period, {1e3 * period:g} ms, is no multiple of the cycle. The "
             "motion is resampled with linear speeds between samples; the loop that plays it back "
             f"runs every {1e3 * cycle * cycles_in_a_period(design, drives):g} ms, but every "
             f"{1e3 * period:g} ms for trajectory.yaml"
         )
     if not controller.takes_feedforward:
-        say(
+        echo(
             f"note: {controller.label} takes no torque feedforward, so its loop plays the files "
             "back without their torques"
         )
@@ -99,8 +99,8 @@ def _write_fmu(scenario: str, changes: Changes, path: Path, inputs: str) -> None
     common.check_file(path, (".fmu",))
     design = common.design_of(scenario, changes)
     write_fmu(design, path, inputs)
-    say(f"{path} written: the loop of {scenario} with the {inputs} as input")
-    say(
+    echo(f"{path} written: the loop of {scenario} with the {inputs} as input")
+    echo(
         f"It starts at rest, takes steps in multiples of {1e3 * design.reference.period:g} ms and "
         "needs a Python with sdt_drake."
     )
@@ -110,7 +110,7 @@ def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> Non
     import numpy as np
 
     scenario, joints = design.scenario, numbered(design.nominal.joint_names)
-    say(
+    echo(
         f"Position errors against the planned motion, if {scenario.controller.label} on the "
         f"{scenario.plant.kind} plant plays each file back:"
     )
@@ -118,7 +118,7 @@ def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> Non
         ("from", *(f"{joint} [deg]" for joint in joints)),
         [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in fed],
     )
-    say(
+    echo(
         f"cam.csv has up to {cam_points} points; the cubics between them are within "
         f"{np.degrees(fed[-1].position_off.max()):.2g} deg of the motion. It contains no torques."
     )

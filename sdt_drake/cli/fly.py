@@ -7,7 +7,7 @@ from typing import Annotated
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Columns, Flag, Robot, Target, Trust, number, one_of
-from sdt_drake.cli.printing import print_table, say, say_wrapped
+from sdt_drake.cli.printing import echo, echo_wrapped, print_table
 
 _Seconds = Annotated[float, number(gt=0)]
 _INTERRUPTED = 130
@@ -64,7 +64,7 @@ def run(
     device = sdt.load_robot(robot) if envelope is None else driven(envelope, None)
     recorded = read_flight(flight, columns)
     for line in suspicious_flight(recorded):
-        say(f"suspicious: {line}")
+        echo(f"suspicious: {line}")
     with common.naming_fields({"knot": "--knot", "approach": "--approach"}):
         flown = sdt.fly(
             device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
@@ -72,16 +72,16 @@ def run(
         )  # fmt: skip
     page = write_flown(out, flown)
     summary, chosen = flown.summary(), flown.chosen
-    say(
+    echo(
         f"{recorded.name}: the motion differs from the flight by {chosen.felt_rotation:.1f} deg/s "
         f"of felt rotation and {chosen.g_error:.3f} G (RMS) and uses up to "
         f"{100 * chosen.torque.max():.1f} % of the motors' torque"
     )
-    say(summary.title)
+    echo(summary.title)
     print_table(summary.header, summary.rows)
-    say_wrapped(CAUTION)
-    say(f"{page} written")
+    echo_wrapped(CAUTION)
+    echo(f"{page} written")
     if flown.numbers["interrupted"]:
-        say("interrupted: this is the best motion found so far")
+        echo("interrupted: this is the best motion found so far")
         return _INTERRUPTED
     return None

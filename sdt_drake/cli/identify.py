@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Columns, Robot, Side, Target, Trust, number, one_of
-from sdt_drake.cli.printing import print_document_table, say
+from sdt_drake.cli.printing import echo, print_document_table
 from sdt_drake.io.errors import InputError
 
 
@@ -73,19 +73,19 @@ def run(
     )
     better, files = identified_robot(found), plant_friction(found)
     for line in analysis.result(found):
-        say(line)
+        echo(line)
     for line in found.warnings:
-        say(f"warning: {line}")
-    say()
+        echo(f"warning: {line}")
+    echo()
     print_document_table(analysis.errors_table(found, better))
-    say()
+    echo()
     print_document_table(analysis.friction_table(found, files))
     for line in (*analysis.in_short(found), *analysis.friction_notes(found, files)):
-        say(f"note: {line}")
+        echo(f"note: {line}")
     page, notes = analysis.write_identified(found, better, files, out, base)
     for line in notes:
-        say(f"note: {line}")
-    say(f"\n{page} written")
+        echo(f"note: {line}")
+    echo(f"\n{page} written")
 
 
 def _judge(
@@ -108,6 +108,6 @@ def _judge(
     recorded = [read_recording(file, model, named, side=side) for file in files]
     judged = judging.judge(model, recorded, friction, cutoff)
     for line in judged_in_words(judged):
-        say(line)
-    say()
+        echo(line)
+    echo()
     print_document_table(judged_table(judged))

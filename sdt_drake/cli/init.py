@@ -8,7 +8,7 @@ from typing import Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli.common import Target, check_folder, one_of
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.resources import models_dir
@@ -85,10 +85,10 @@ def run(
         for file in sorted((models_dir() / "schemas").iterdir()):
             write_text(new / "schemas" / file.name, file.read_text(encoding="utf-8"))
     model = "a new example robot" if robot is None else f"the robot of {robot}"
-    say(f"{folder}: {len(names)} files for {model} written, and schemas for editors")
+    echo(f"{folder}: {len(names)} files for {model} written, and schemas for editors")
     for name in names:
-        say(f"  {name}")
-    say(f"\ncd {shlex.quote(str(folder))}{then}")
+        echo(f"  {name}")
+    echo(f"\ncd {shlex.quote(str(folder))}{then}")
 
 
 def _start(folder: Path) -> list[str]:

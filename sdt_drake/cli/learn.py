@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, Out, Trust, Whole, number, one_of
-from sdt_drake.cli.printing import print_document_table, print_joints, say
+from sdt_drake.cli.printing import echo, print_document_table, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, replacing_files
 
@@ -107,28 +107,28 @@ def _simulated(
     design = common.design_of(path, changes)
     filter_, checks = checked(design)
 
-    def tell(lessons: Lessons) -> None:
+    def report_flight(lessons: Lessons) -> None:
         report.write_learned(kept, design, lessons)
         numbers = report.flight_numbers(lessons.flights[-1])
         texts = (x if isinstance(x, str) else " ".join(x) for x in numbers.values())
-        say(", ".join(map(" ".join, zip(numbers, texts, strict=True))))
+        echo(", ".join(map(" ".join, zip(numbers, texts, strict=True))))
 
     try:
-        lessons = learn(design, filter_, count, stops=stops, report=tell)
+        lessons = learn(design, filter_, count, stops=stops, report=report_flight)
         for line in report.learning_summary(lessons):
-            say(line)
+            echo(line)
         with replacing_files(folder) as new:
             report.write_learned(new, design, lessons)
             report.write_learning_report(new, design, filter_, checks, lessons)
     except KeyboardInterrupt:
         if (kept / report.FLIGHTS).exists():
-            say(f"interrupted; the flights so far are in {kept}; {goes_on}")
+            echo(f"interrupted; the flights so far are in {kept}; {goes_on}")
         raise
     report.remove_unfinished(folder)
     learned, scenario = folder / report.LEARNED, folder / report.SCENARIO
-    say(f"{learned} and {scenario} written")
-    say(f"next: sdt-drake simulate {shlex.quote(str(scenario))}")
-    say(f"{folder / REPORT} written")
+    echo(f"{learned} and {scenario} written")
+    echo(f"next: sdt-drake simulate {shlex.quote(str(scenario))}")
+    echo(f"{folder / REPORT} written")
 
 
 def _checked_filter(
@@ -146,20 +146,20 @@ def _checked_filter(
     from sdt_drake.show.reports.learning import check_table
 
     filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
-    say(design.scenario.summary().title)
+    echo(design.scenario.summary().title)
     for k, (omega, why) in enumerate(filter_.bandwidth):
-        say(f"joint {k + 1}: errors are learned up to {omega / (2 * np.pi):.3g} Hz ({why})")
-    say()
+        echo(f"joint {k + 1}: errors are learned up to {omega / (2 * np.pi):.3g} Hz ({why})")
+    echo()
     print_document_table(check_table(checks, filter_))
     refuse_divergence(checks, filter_)
     for check in checks:
         beyond = int((check.loops.demand.max(axis=1) > 1).sum())
         if beyond:
-            say(
+            echo(
                 f"note: {beyond} of {check.loops.name} need more torque than a motor has; motors "
                 "saturate there, and learning may not converge"
             )
-    say()
+    echo()
     return filter_, checks
 
 
@@ -179,7 +179,7 @@ def _from_recordings(
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise InputError("--recording: the same file twice, expected different recordings")
     known = count_flights(folder)
-    with alone_in(folder, lambda: say(f"{folder}: waiting for another sdt-drake learn to end")):
+    with alone_in(folder, lambda: echo(f"{folder}: waiting for another sdt-drake learn to end")):
         own = folder / SCENARIO
         if own.exists() == (scenario is not None):
             text = (
@@ -222,10 +222,10 @@ def _step_in(
     flight = taught.flight
     best = State([*state.flights, flight], []).best
     path = write_step(folder, design, state, taught)
-    say(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
-    say(f"{path} written; next: fly it, then learn from its recording")
+    echo(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
+    echo(f"{path} written; next: fly it, then learn from its recording")
     for recorded, shift in zip(recordings, flight.shifts, strict=True):
-        say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after the recording's start")
+        echo(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after the recording's start")
     errors = [
         ("largest error [deg]", ".4f", flight.largest),
         ("repeatable, RMS [deg]" if flight.floor else "RMS error [deg]", ".5f", flight.rms),
@@ -236,9 +236,9 @@ def _step_in(
         [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
     )
     for note in taught.notes:
-        say(f"note: {note}")
+        echo(f"note: {note}")
     if not flight.floor:
-        say("note: with several recordings of a flight, errors that do not repeat are separated")
+        echo("note: with several recordings of a flight, errors that do not repeat are separated")
 
 
 def _check_motion(name: str, design: Design) -> None:

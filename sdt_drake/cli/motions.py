@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Robot, one_of
-from sdt_drake.cli.printing import print_table, say, say_wrapped
+from sdt_drake.cli.printing import echo, echo_wrapped, print_table
 from sdt_drake.io.errors import InputError, within
 
 if TYPE_CHECKING:
@@ -48,12 +48,12 @@ def _print_all(robot: RobotModel) -> None:
         joints = dict.fromkeys(joint for track in profile.tracks for joint in track.joints)
         rows.append((name, profile.title, f"{profile.duration:g}", ", ".join(joints), g))
         sentences.append(f"{name}: {sentence}")
-    say(f"{len(rows)} motions are shipped; for one in full: sdt-drake motions {rows[0][0]}")
+    echo(f"{len(rows)} motions are shipped; for one in full: sdt-drake motions {rows[0][0]}")
     print_table(("motion", "illusion", "duration [s]", "joints", "largest G"), rows)
-    say("largest G: at the pilot's head, if the joints follow the motion without error")
-    say()
+    echo("largest G: at the pilot's head, if the joints follow the motion without error")
+    echo()
     for sentence in sentences:
-        say_wrapped(sentence)
+        echo_wrapped(sentence)
 
 
 def _print_one(motion: str, robot: RobotModel) -> None:
@@ -65,12 +65,12 @@ def _print_one(motion: str, robot: RobotModel) -> None:
         command = load_command(motion, robot)
     with within(motion):
         g = _largest_g(command, robot)
-    say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
+    echo(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     if profile.feels or profile.description:
-        say_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
+        echo_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
     if profile.illusion and has_head(robot):
         _print_prediction(motion, robot)
-    say()
+    echo()
     print_table(
         ("segment", "from [s]", "to [s]"),
         [(f"{s.track}: {s.text}", f"{s.start:.3f}", f"{s.end:.3f}") for s in command.timeline],
@@ -80,10 +80,10 @@ def _print_one(motion: str, robot: RobotModel) -> None:
         for name, angle in zip(robot.joint_names, command.q0, strict=True)
         if angle != 0
     ]
-    say(f"starts at {', '.join(turned) or '0 deg'}; speeds are constant between segments")
+    echo(f"starts at {', '.join(turned) or '0 deg'}; speeds are constant between segments")
     if profile.notes:
-        say()
-        say_wrapped(f"notes: {profile.notes}")
+        echo()
+        echo_wrapped(f"notes: {profile.notes}")
 
 
 def _print_prediction(motion: str, robot: RobotModel) -> None:
@@ -94,8 +94,8 @@ def _print_prediction(motion: str, robot: RobotModel) -> None:
     found = intended_illusion(motion, robot)
     assert found is not None, "the profile names its intended illusion"
     for model in found.predicted:
-        say_wrapped(found.sentence(model))
-    say_wrapped(CAUTION)
+        echo_wrapped(found.sentence(model))
+    echo_wrapped(CAUTION)
 
 
 def _largest_g(command: Command, robot: RobotModel) -> str:

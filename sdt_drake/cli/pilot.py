@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, Trust, Whole, number, one_of
-from sdt_drake.cli.printing import print_document_table, print_table, say, say_wrapped
+from sdt_drake.cli.printing import echo, echo_wrapped, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
 
@@ -79,29 +79,29 @@ def run(
     head = track_head(recording, model)
     period = float(recording.time[1] - recording.time[0])
     felt = [feel(motion, period, perception) for motion in (head.reference, head.achieved)]
-    say(
+    echo(
         f"{name}: the pilot could feel the controller's error {100 * head.felt.share:.1f} % of the "
         f"time ({100 * head.felt_from_angles.share:.1f} % if only positions were wrong)"
     )
     angle, rate = (np.degrees(x) for x in felt_apart(*felt))
-    say(
+    echo(
         f"The error changes the felt vertical by up to {angle:.2f} deg and the felt rotation by up "
         f"to {rate:.2f} deg/s."
     )
     found = [str(illusion) for illusion in illusions(felt[1], head.achieved)]
-    say(f"Illusions predicted for the achieved motion by {gains}:")
+    echo(f"Illusions predicted for the achieved motion by {gains}:")
     for text in found or ["none"]:
-        say(f"  {text}")
+        echo(f"  {text}")
     if story.illusion:
         meant = intended(name, story.illusion, head.achieved, {gains: felt[1]})
-        say(f"Intended illusion: {meant.sentence(gains)}")
-    say(CAUTION)
-    say()
+        echo(f"Intended illusion: {meant.sentence(gains)}")
+    echo(CAUTION)
+    echo()
     print_table(*_motion_rows(head, felt, period))
-    say("axes of the head: x forward, y left, z up")
-    say()
+    echo("axes of the head: x forward, y left, z up")
+    echo()
     print_table(*_felt_rows(head, recording.time))
-    say("multiples of the threshold of feeling")
+    echo("multiples of the threshold of feeling")
     common.deliver(
         out,
         show,
@@ -121,18 +121,18 @@ def _validate(robot: str) -> None:
     model = sdt.load_robot(robot)
     check_head(model)
     rows = validate()
-    say_wrapped(verdict_of_all(rows), "")
-    say()
+    echo_wrapped(verdict_of_all(rows), "")
+    echo()
     print_document_table(reported_table(rows))
-    say_wrapped(LEGEND, "")
-    say()
+    echo_wrapped(LEGEND, "")
+    echo()
     for note in reported_notes(rows):
-        say_wrapped(note, "- ")
-    say()
-    say("The illusion of each training motion, felt minus true [deg, deg/s]; ✗ too small to feel")
+        echo_wrapped(note, "- ")
+    echo()
+    echo("The illusion of each training motion, felt minus true [deg, deg/s]; ✗ too small to feel")
     print_document_table(intended_table(intended_illusions(model)))
-    say()
-    say_wrapped(CAUTION, "")
+    echo()
+    echo_wrapped(CAUTION, "")
 
 
 def _share(motion: str, robot: str, gains: str, count: int) -> None:
@@ -150,15 +150,15 @@ def _share(motion: str, robot: str, gains: str, count: int) -> None:
     for own in feelings(illusion_of(motion), head, PERIOD, gains, count):
         unit = unit_of(own.quantity)
         low, middle, high = np.percentile(own.errors, [5, 50, 95])
-        say_wrapped(
+        echo_wrapped(
             f"{own} are predicted to feel the illusion of {motion}: {own.quantity} wrong by more "
             f"than {LEVELS[own.quantity]:g} {unit}. Felt minus true: median {middle:+.1f} {unit}, "
             f"{low:+.1f} to {high:+.1f} {unit} for 90 % of the pilots.",
             "",
         )
-    say()
+    echo()
     for sentence in [f"Pilots around {gains}.", *differences(), CAUTION]:
-        say_wrapped(sentence, "")
+        echo_wrapped(sentence, "")
 
 
 def _recorded(

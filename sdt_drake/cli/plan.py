@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Motion, OtherRobot, Out, Show, Trust, number, one_of
-from sdt_drake.cli.printing import print_joints, say
+from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.shown import formatted
 
@@ -74,7 +74,7 @@ def run(
         write_drive_table(drive_table, model, samples)
     _print_report(motion, planner, model, plan, report)
     if drive_table:
-        say(f"{drive_table} written")
+        echo(f"{drive_table} written")
     title = f"{Path(motion).name}, {planner}: {_duration(plan)}"
     common.deliver(
         out,
@@ -125,13 +125,13 @@ def _print_ends(planner: Planner, robot: RobotModel, plan: Plan) -> None:
     # The retiming rounds its time up: a motion that ends at speed continues a little.
     lost = np.degrees(plan.angle_lost) if planner == "limiter" else np.zeros(robot.n)
     for k in np.flatnonzero(lost > _MIN_ANGLE_LOST).tolist():
-        say(
+        echo(
             f"{robot.joint(k)} ends {lost[k]:.1f} deg from the commanded angle; the limiter does "
             "not catch up. To keep the path: --planner retiming"
         )
     moving = ends_in_motion(robot, plan.motion)
     if moving:
-        say(f"not at rest: {', '.join(moving)}")
+        echo(f"not at rest: {', '.join(moving)}")
 
 
 def _print_report(
@@ -146,19 +146,19 @@ def _print_report(
         else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
     )
     place = report.smallest
-    say(
+    echo(
         f"{name}: {_duration(plan)}, feasible{share}; smallest margin "
         f"{formatted(100 * place.left, '.1f')} % of the whole limit, {place.quantity} of "
         f"{robot.joint(place.joint)} at {place.time:.3f} s"
     )
     if robot.envelope is not None:
-        say(f"within the torque-speed envelope of {robot.envelope.source}")
+        echo(f"within the torque-speed envelope of {robot.envelope.source}")
     _print_ends(planner, robot, plan)
     if plan.loss is not None:
         loss = plan.loss
         j, k = int(loss.speed.argmax()), int(loss.position.argmax())
         longer = f" and {loss.longer:.3g} s longer" if loss.longer > 1e-6 else ""
-        say(
+        echo(
             f"resampled at {motion.period:g} s{longer}: at most {loss.speed[j]:.3g} rad/s lost "
             f"(joint {j + 1}, {loss.speed_time[j]:.3f} s) and {loss.position[k]:.3g} rad (joint "
             f"{k + 1}, {loss.position_time[k]:.3f} s)"
@@ -184,15 +184,15 @@ def _print_report(
         ],
     )
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
-        say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
+        echo(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     growth = report.growth / robot.effort_limit
     k = int(growth.argmax())
-    say(
+    echo(
         "Torques are the largest per joint (joint side, with the motors' inertia). held: time in "
         "which the limiter slows down the joint, or the retiming all joints"
     )
     most = "less than 0.0001" if growth[k] < 1e-6 else f"up to {100 * growth[k]:.2g}"
-    say(
+    echo(
         f"Between the {len(motion.time)} samples, peak torques exceed those at the samples by "
         f"{most} % of the motor (joint {k + 1})."
     )

@@ -35,7 +35,7 @@ class Bar:
         """Start the time of a new command."""
         self._start = time.monotonic()
 
-    def tell(self, done: float, text: str = "") -> None:
+    def report(self, done: float, text: str = "") -> None:
         """Show the share of the work that is done, 0 (it begins) to 1, with a text."""
         if not 0 < done < 1:
             self.end()
@@ -66,7 +66,7 @@ bar = Bar()
 """The progress bar of the running command."""
 
 
-def say(text: str = "", style: str = "") -> None:
+def echo(text: str = "", style: str = "") -> None:
     """Print a line, wrapped on a terminal.
 
     After the reader of a pipe has ended, nothing more is printed; files are still written.
@@ -87,24 +87,24 @@ def stop_printing(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def say_wrapped(text: str, first: str = "", rest: str = "  ", width: int = 96) -> None:
+def echo_wrapped(text: str, first: str = "", rest: str = "  ", width: int = 96) -> None:
     """Print text in lines of at most `width` characters.
 
     `first` and `rest` are the beginnings of the first line and of the others.
     """
     width = min(width, console.width) if console.is_terminal else width
     for line in textwrap.wrap(text, width, initial_indent=first, subsequent_indent=rest):
-        say(line)
+        echo(line)
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1) -> None:
     """Print aligned columns, no wider than the terminal; see `aligned`."""
     for k, block in enumerate("\n".join(aligned(header, rows, keys)).split("\n\n")):
         if k:
-            say()
+            echo()
         lines = block.split("\n")
         for left, line in zip(range(len(lines), 0, -1), lines, strict=True):
-            say(line, "bold" if left > len(rows) else "")
+            echo(line, "bold" if left > len(rows) else "")
 
 
 def print_document_table(table: Table) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.cli.common import Out, check_file, check_folder
-from sdt_drake.cli.printing import say, say_wrapped
+from sdt_drake.cli.printing import echo, echo_wrapped
 from sdt_drake.io.errors import InputError, checked_choice
 from sdt_drake.io.files import write_text
 
@@ -32,11 +32,11 @@ def run(topic: str | None = None, /, *, out: Out = None) -> None:
         if out is not None:
             check_folder(out)
             for path in write_reference(out):
-                say(f"{path} written")
+                echo(f"{path} written")
             return
         for name, make in TOPICS.items():
             schema = ", with a JSON Schema" * (name in FILES)
-            say(f"{name:12s}  {make().title}{schema}")
+            echo(f"{name:12s}  {make().title}{schema}")
         return
     checked_choice(topic, tuple(TOPICS), "TOPIC")
     if out is not None:
@@ -55,20 +55,20 @@ def _write(topic: str, out: Path) -> None:
         )
     text = schema_text(topic) if out.suffix == ".json" else f"{TOPICS[topic]().markdown()}\n"
     write_text(out, text)
-    say(f"{out} written")
+    echo(f"{out} written")
 
 
 def _print(chapter: Chapter) -> None:
     for k, sheet in enumerate(chapter.sheets):
         if k:
-            say()
+            echo()
         _print_sheet(sheet.title or chapter.title, sheet)
 
 
 def _print_sheet(title: str, sheet: Sheet) -> None:
-    say(title)
+    echo(title)
     for paragraph in sheet.text.split("\n\n"):
-        say_wrapped(paragraph, "", "", _WIDTH)
+        echo_wrapped(paragraph, "", "", _WIDTH)
     for row in sheet.rows:
-        say_wrapped(f"{row[0]}: {sheet.details(row)}", "  ", "  ", _WIDTH)
-        say_wrapped(row[-1], "      ", "      ", _WIDTH)
+        echo_wrapped(f"{row[0]}: {sheet.details(row)}", "  ", "  ", _WIDTH)
+        echo_wrapped(row[-1], "      ", "      ", _WIDTH)

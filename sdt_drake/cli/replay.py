@@ -5,7 +5,7 @@ from __future__ import annotations
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Columns, Out, Scenario, Show, Side, Trust
-from sdt_drake.cli.printing import print_document_table, say
+from sdt_drake.cli.printing import echo, print_document_table
 
 
 def run(
@@ -47,11 +47,11 @@ def run(
         loaded = sdt.load(scenario, dict(changes))
         replayed = sdt.replay(recording, loaded, columns=columns, side=side)
     for line in replay_findings(replayed):
-        say(plain(line))
+        echo(plain(line))
     for table in tables(replayed):
-        say()
+        echo()
         print_document_table(table)
     if out is not None and not out.suffix:
-        say(f"\n{write_replay(replayed, out)} written")
+        echo(f"\n{write_replay(replayed, out)} written")
         out = None
     common.deliver(out, show, lambda: replay_figure(replayed), replayed.to_csv)

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sdt_drake.cli.common import Target, check_folder
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError
 
 
@@ -36,4 +36,4 @@ def run(folder: Annotated[Target, Parameter(name="DIR")], /) -> None:
         check_folder(folder, FILES)
         studies = [path for path in sorted(folder.iterdir()) if holds_study(path)]
         path = write_report(folder, [study_chapter(study) for study in studies])
-    say(f"{path} written")
+    echo(f"{path} written")

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from sdt_drake.cli.common import Target, check_folder
-from sdt_drake.cli.printing import say, say_wrapped
+from sdt_drake.cli.printing import echo, echo_wrapped
 
 
 def run(*, out: Target = Path("out")) -> None:
@@ -24,11 +24,11 @@ def run(*, out: Target = Path("out")) -> None:
 
     start = time.perf_counter()
     check_folder(out, FILES)
-    watch = Stopwatch(say)
+    watch = Stopwatch(echo)
     summary = write_reproduction(reproduce(watch), out, watch)
-    say()
-    say_wrapped(claims_in_words(summary["claims"]), rest="")
+    echo()
+    echo_wrapped(claims_in_words(summary["claims"]), rest="")
     for finding in findings(summary):
-        say_wrapped(plain(finding), "- ")
+        echo_wrapped(plain(finding), "- ")
     seconds = time.perf_counter() - start
-    say(f"\nOpen {out / REPORT}; {seconds:.1f} s in all")
+    echo(f"\nOpen {out / REPORT}; {seconds:.1f} s in all")

@@ -8,7 +8,7 @@ import textwrap
 from typing import Annotated
 
 from sdt_drake.cli.common import one_of
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.io.files import read_text
 from sdt_drake.io.resources import SHIPPED, find_file, models_dir, shipped
 
@@ -26,19 +26,19 @@ def run(name: Annotated[str | None, one_of(*SHIPPED)] = None, /) -> None:
     if name is not None:
         text = read_text(find_file(name, *SHIPPED), _MAX_FILE).removesuffix("\n")
         # Editors need the whole path of the schema if the text is saved elsewhere.
-        say(re.sub(r"(?<=schema=)(?:\.\./)?schemas", f"{models_dir() / 'schemas'}", text, count=1))
+        echo(re.sub(r"(?<=schema=)(?:\.\./)?schemas", f"{models_dir() / 'schemas'}", text, count=1))
         return
     count = sum(len(shipped(kind)) for kind in SHIPPED)
-    say(f"{count} files are shipped. Use their names in place of files:")
-    say("sdt-drake simulate coupled_pi; in YAML, motion: leans")
-    say("For a copy: sdt-drake scenarios NAME > own.yaml")
-    say()
+    echo(f"{count} files are shipped. Use their names in place of files:")
+    echo("sdt-drake simulate coupled_pi; in YAML, motion: leans")
+    echo("For a copy: sdt-drake scenarios NAME > own.yaml")
+    echo()
     width = shutil.get_terminal_size().columns - 20
     for kind in SHIPPED:
-        say(f"{kind}:")
+        echo(f"{kind}:")
         for name in shipped(kind):
-            say(f"  {name:16}  {textwrap.shorten(_about(name, kind), width, placeholder=' ...')}")
-        say()
+            echo(f"  {name:16}  {textwrap.shorten(_about(name, kind), width, placeholder=' ...')}")
+        echo()
 
 
 def _about(name: str, kind: str) -> str:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, Whole
-from sdt_drake.cli.printing import print_joints, say
+from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
 
@@ -51,12 +51,12 @@ def run(
     recording = sdt.simulate(design)
     tracking = sdt.track(recording, design.wanted)
     title = design.scenario.summary().title
-    say(f"{title}: {_verdict(tracking, design.robot)}")
+    echo(f"{title}: {_verdict(tracking, design.robot)}")
     print_joints(design.robot.joint_names, columns_of(vars(tracking)))
     if design.envelope is not None:
-        say(f"torque-speed envelope from {design.envelope.source}")
+        echo(f"torque-speed envelope from {design.envelope.source}")
     for line in stops_passed(recording, design.robot.joint_names):
-        say(f"note: {line}")
+        echo(f"note: {line}")
 
     def write(path: Path) -> None:
         if path.suffix in TABLES:
@@ -66,7 +66,7 @@ def run(
 
         write_run_report(design, recording, path, joints)
         if path.suffix == ".html":
-            say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
+            echo(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
 
     common.deliver(out, show, lambda: sdt.plots.scope(title, recording, design, joint), write)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from sdt_drake.cli.common import Changes, Out, Trust, check_folder, naming_changes, one_of
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.cli.study import FAILED, Cluster, Resume, Workers, run_into
 from sdt_drake.io.files import replacing_files, write_text
 
@@ -48,13 +48,13 @@ def run(
     failed = failures(table)
     lines = [*filter(None, [failed]), *sizing_lines(chosen, verdicts)]
     for line in lines:
-        say(line)
-    say()
+        echo(line)
+    echo()
     with replacing_files(folder) as new:
         write_text(new / "sizing.txt", "\n".join(lines) + "\n")
         write_verdicts(verdicts, new / "candidates.csv")
         write_sizing_report(chosen, verdicts, new, failed)
-    say(f"{folder / REPORT} and {folder / 'candidates.csv'} written")
+    echo(f"{folder / REPORT} and {folder / 'candidates.csv'} written")
     where = shlex.quote(str(folder))
-    say(f"next, to see all runs: sdt-drake study show {where} --out {where}/runs")
+    echo(f"next, to see all runs: sdt-drake study show {where} --out {where}/runs")
     return FAILED if failed else 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, Trust, number
-from sdt_drake.cli.printing import print_joints, say
+from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import RESULT_TABLES, Results
@@ -74,18 +74,18 @@ def run(
     own, names = own_ratio(design, frequency), design.robot.joint_names
     for encoder, by_drive in sweeps.items():
         limit = by_drive[label].unstable_from  # of the last drive, the scenario's
-        say(f"{chosen.name}, encoder on the {encoder}: {_verdict(own, limit, names)}")
-    say(f"{choice.label}: {controller_class(choice.kind).in_words(design)}")
-    say(f"elastic joints: omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
-    say()
+        echo(f"{chosen.name}, encoder on the {encoder}: {_verdict(own, limit, names)}")
+    echo(f"{choice.label}: {controller_class(choice.kind).in_words(design)}")
+    echo(f"elastic joints: omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
+    echo()
     for encoder, by_drive in sweeps.items():
         for drive, sweep in by_drive.items():
-            say(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's")
-            say("speed, over omega_n / omega_r")
+            echo(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's")
+            echo("speed, over omega_n / omega_r")
             _print_sweep(sweep, design.robot.joint_names)
-            say()
+            echo()
     for line in _notes(design, frequency):
-        say(line)
+        echo(line)
     title = f"{chosen.name}: {choice.label}, elastic joints of {frequency:g} rad/s"
     about = {"title": title, "omega_r": frequency, "damping_ratio": damping}
     common.deliver(

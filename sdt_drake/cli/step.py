@@ -9,7 +9,7 @@ import sdt_drake as sdt
 from sdt_drake.analysis import paper
 from sdt_drake.cli import common
 from sdt_drake.cli.common import OmegaR, Out, Show, number
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import echo
 from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
 
 
@@ -46,17 +46,17 @@ def run(
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
     gains, metrics = tune([inertia], omega_r, [zeta]), asdict(step.metrics)
     kp, ki = gains.kp[0], gains.ki[0]
-    say(
+    echo(
         f"{step.structure}: the speed settles in {step.metrics.settling_time:.4g} s and overshoots "
         f"by {step.metrics.overshoot_percent:.2g} %"
     )
-    say(
+    echo(
         f"inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, zeta {zeta:g}{published}: "
         f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side"
     )
     for name, value in metrics.items():
         label = name.removesuffix("_percent").replace("_", " ")
-        say(f"{label:20s} {value:.5g} {UNITS[name]}")
+        echo(f"{label:20s} {value:.5g} {UNITS[name]}")
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
     response = {"time": step.time, "v": step.speed}
     common.deliver(

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Trust, Whole, one_of
-from sdt_drake.cli.printing import bar, errors, print_document_table, print_table, say
+from sdt_drake.cli.printing import bar, echo, errors, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 
 if TYPE_CHECKING:
@@ -100,8 +100,8 @@ def run_file(
     folder = out or Path(study.name)
     results = run_into(folder, study, base, workers, cluster, resume)
     table = read_study_table(folder)
-    say(study_summary(study.name, table))
-    say(f"{results} written; next: sdt-drake study show {shlex.quote(str(folder))}")
+    echo(study_summary(study.name, table))
+    echo(f"{results} written; next: sdt-drake study show {shlex.quote(str(folder))}")
     return 0 if np.isin(table.status, ANSWERS).any() else FAILED
 
 
@@ -153,7 +153,7 @@ def run_into(
         bar.end()
         if holds_study(folder):
             where = shlex.quote(str(folder))
-            say(f"interrupted; finished runs are kept. To continue, add --resume --out {where}")
+            echo(f"interrupted; finished runs are kept. To continue, add --resume --out {where}")
         raise
 
 
@@ -170,9 +170,9 @@ class Progress:
             text += f", {new / (time.monotonic() - self._start):.3g} per second"
         tenth = 10 * done // count
         if not errors.is_terminal and tenth != self._said:
-            say(text)
+            echo(text)
         self._said = tenth
-        bar.tell(done / count, text)
+        bar.report(done / count, text)
 
 
 # --- repeat and show -------------------------------------------------------------------------
@@ -192,16 +192,16 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     with Store(folder) as store:
         inputs = store.inputs(row) or study.inputs(row)
     outcomes, recording, wrong = runner.repeat(row, inputs)
-    say(f"{study.name}, row {row}: {f'the run failed: {wrong}' if wrong else 'repeated exactly'}")
+    echo(f"{study.name}, row {row}: {f'the run failed: {wrong}' if wrong else 'repeated exactly'}")
     print_table(("input", "value"), [(k, cell(v)) for k, v in inputs.items()])
     for table in outcome_tables(names, outcomes):
-        say()
+        echo()
         print_document_table(table)
     if other:
-        say(f"The study was run with {other}, so numbers may differ.")
+        echo(f"The study was run with {other}, so numbers may differ.")
     if out is not None:
         recording.to_csv(out)
-        say(f"{out} written")
+        echo(f"{out} written")
 
 
 def show(folder: Path, out: Path | None) -> None:
@@ -212,11 +212,11 @@ def show(folder: Path, out: Path | None) -> None:
         common.check_folder(out)
     table = read_study_table(folder)
     page, tables = write_study_report(folder, out)
-    say(study_summary(table.name, table))
-    say(f"{page} written")
-    say(f"next, to repeat a run: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
-    say()
+    echo(study_summary(table.name, table))
+    echo(f"{page} written")
+    echo(f"next, to repeat a run: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
+    echo()
     for shown in tables:
-        say(shown.title)
+        echo(shown.title)
         print_document_table(shown)
-        say()
+        echo()

@@ -11,7 +11,7 @@ import sdt_drake as sdt
 from sdt_drake.analysis import paper
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, Trust, one_of
-from sdt_drake.cli.printing import print_joints, say
+from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import RESULT_TABLES, Results
 
@@ -68,7 +68,7 @@ def run(
     numbers = sdt.tune(design)
     _print_gains(design, numbers)
     for line in _notes(design, is_scenario, given):
-        say(line)
+        echo(line)
     joints = range(1, design.robot.n + 1)
     columns: dict[str, Any] = {"joint": joints, "name": design.robot.joint_names, **numbers}
     about = {"title": what, "omega_r": design.omega_r}
@@ -156,7 +156,7 @@ def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Itera
 def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
     omega_r = design.omega_r
     kp, ki = (", ".join(f"{x:.4g}" for x in numbers[name]) for name in ("kp", "ki"))
-    say(f"K_PS = {kp} N m s/rad, K_IS = {ki} N m/rad (motor side, joint by joint)")
+    echo(f"K_PS = {kp} N m s/rad, K_IS = {ki} N m/rad (motor side, joint by joint)")
     unit = " [rad/s]" if omega_r is None else "/omega_r"
     ends = zip(*(numbers[f"omega_n_{x}"] / (omega_r or 1.0) for x in ("max", "min")), strict=True)
     print_joints(
@@ -175,4 +175,4 @@ def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
             (f"omega_n{unit}", "", [f"{a:.3f} to {b:.3f}" for a, b in ends]),
         ],
     )
-    say("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
+    echo("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")

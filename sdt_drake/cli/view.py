@@ -12,7 +12,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Trust, Whole, number, one_of
-from sdt_drake.cli.printing import print_document_table, say
+from sdt_drake.cli.printing import echo, print_document_table
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.formats import TABLES
 
@@ -71,7 +71,7 @@ def run(
         check_angles(model, time, q)
     if record is not None:
         record_html(model, time, q, record, title=title, pilot=pilot, story=story)
-        say(f"{record} written")
+        echo(f"{record} written")
         return
     play(
         model,
@@ -90,9 +90,9 @@ def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]
     from sdt_drake.analysis.orientation import CAUTION
 
     def announce(address: str) -> None:
-        say(f"{title}: {address}" + ("" if once else "; end it with Ctrl-C"))
+        echo(f"{title}: {address}" + ("" if once else "; end it with Ctrl-C"))
         if has_head:
-            say(f"The violet head shows the felt attitude. {CAUTION}")
+            echo(f"The violet head shows the felt attitude. {CAUTION}")
 
     return announce
 
@@ -105,18 +105,18 @@ def _robot(what: str, record: Path | None, port: int | None, once: bool) -> None
     links = shown.moving_links(model)
     title = shown.sentence(model, links)
     if record is None:
-        say(f"{title}.")
+        echo(f"{title}.")
         for table in (shown.joint_table(model), shown.link_table(links)):
-            say()
+            echo()
             print_document_table(table)
-        say()
-        say("Press Open Controls for sliders of the joints and, under Scene, the masses.")
+        echo()
+        echo("Press Open Controls for sliders of the joints and, under Scene, the masses.")
         announce = _announcing(model.name, once, has_head=False)
         shown.show_robot(model, port=port, once=once, announce=announce)
         return
     shown.robot_html(model, record)
-    say(f"{title}; {record} written")
-    say(f"next, for files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
+    echo(f"{title}; {record} written")
+    echo(f"next, for files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
 
 
 def _motion(

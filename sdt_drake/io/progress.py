@@ -13,7 +13,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-Tell = Callable[[float], None]
+Report = Callable[[float], None]
 """A function called with the completed share of the work, from 0 to 1."""
 
 _MIN_REPORTS = 200  # per loop
@@ -23,13 +23,13 @@ def _nobody(done: float) -> None:
     """Ignore a report."""
 
 
-_watch: ContextVar[Tell] = ContextVar("watch", default=_nobody)  # one for each thread
+_watch: ContextVar[Report] = ContextVar("watch", default=_nobody)  # one for each thread
 
 
 @contextmanager
-def watching(tell: Tell) -> Iterator[None]:
-    """Report progress in the block to `tell`. Each outermost work starts with 0."""
-    token = _watch.set(tell)
+def watching(report: Report) -> Iterator[None]:
+    """Report progress in the block to `report`. Each outermost work starts with 0."""
+    token = _watch.set(report)
     try:
         yield
     finally:
@@ -37,13 +37,13 @@ def watching(tell: Tell) -> Iterator[None]:
 
 
 @contextmanager
-def work() -> Iterator[Tell]:
+def work() -> Iterator[Report]:
     """Yield a function that reports progress. Nested work and other threads do not report."""
-    tell = _watch.get()
+    report = _watch.get()
     with watching(_nobody):
-        tell(0.0)
-        yield tell
-        tell(1.0)
+        report(0.0)
+        yield report
+        report(1.0)
 
 
 def with_progress(items: Iterable[T], count: int | None = None) -> Iterator[T]:
@@ -55,8 +55,8 @@ def with_progress(items: Iterable[T], count: int | None = None) -> Iterator[T]:
     """
     count = len(items) if isinstance(items, Collection) else count or 1
     every = max(1, count // _MIN_REPORTS)
-    with work() as tell:
+    with work() as report:
         for i, item in enumerate(items):
             if i % every == 0:
-                tell(i / count)
+                report(i / count)
             yield item

@@ -196,14 +196,14 @@ def excite(
         value, options = problem.value_and_slope, {"maxiter": rounds}
         found = minimize(
             value, x, jac=True, method="L-BFGS-B", options=options,
-            callback=lambda _: tell(next(round_) / all_rounds),
+            callback=lambda _: report(next(round_) / all_rounds),
         )  # fmt: skip
         return found.fun, problem, found.x
 
     tried, round_ = [], count(1)
     starts, last_rounds, finer = _SEARCH[robot.n <= 4]
     all_rounds = len(_BASE_PERIODS) * starts * _FIRST_ROUNDS + last_rounds
-    with work() as tell:
+    with work() as report:
         for about in _BASE_PERIODS:
             series = Series(robot.n, duration / max(1, round(duration / about)))
             problem = _Problem(target, series, limits)
