@@ -37,8 +37,7 @@ from sdt_drake.show.documents import read_svg
 from sdt_drake.studies.store import DATABASE, Store, create
 from sdt_drake.studies.study import read_study
 
-TIME = np.arange(5) * 0.005
-COLUMNS = {name: np.zeros((5, 4)) for name in ("q_ref", "v_ref", "vd_ref", "q", "v", "tau")}
+TIME, Q = np.arange(5) * 0.005, np.zeros((5, 4))
 ABOUT = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
 ABOUT |= {"files": {}, "contents": {}}
 
@@ -54,7 +53,7 @@ def written(name: str, write: Callable[[Path], object]) -> bytes:
 
 
 def table(name: str) -> tuple[bytes, Callable[[Path], object]]:
-    return written(name, lambda path: write_table(path, TIME, COLUMNS)), read_table
+    return written(name, lambda path: write_table(path, TIME, {"q": Q, "tau": Q})), read_table
 
 
 def read_store(path):
