@@ -1,15 +1,13 @@
 """Verdicts are made from numbers: other numbers, other verdicts."""
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from variants import overruled
 
-from sdt_drake.analysis import paper
-from sdt_drake.analysis.claims import KINDS, VERDICTS, judge_claims
+from sdt_drake.analysis.claims import VERDICTS, judge_claims
 from sdt_drake.analysis.reproduction import Case
 
 AXIS_PI = Case("axis", "i_eff_max", "printed", "pi")
@@ -146,64 +144,30 @@ def test_reasons_have_the_numbers(claims, reproduction):
         assert claims["ctc_on_coupled_plant"].computed[name] == expected
 
 
-def test_claims_by_kind_and_place(claims):
-    kinds = [claim.kind for claim in claims.values()]
-    assert [kinds.count(kind) for kind in KINDS] == [21, 3, 2]
-    for claim in claims.values():
-        assert re.search(r"Table|Figure|Eq|Algorithm|Section", claim.place), claim.id
-        assert ("construction" in claim.why or "chose" in claim.why) == (claim.kind == KINDS[1])
-
-
 # --- other numbers ---------------------------------------------------------------------------
-
-
-def _kp(study, zeta):
-    """K_PS of joint 1 for a damping ratio."""
-    return {1: 2 * zeta * math.sqrt(study.design.gains.ki[0] * study.design.inertia.maximum[0])}
 
 
 def _at(study, key, joint):
     return study.runs[key].tracking.max_abs_speed_error[joint - 1]
 
 
-def with_variation(study, joint, share):
-    """The smallest inertia of a joint that of its printed variation, times a share."""
-    printed = float(paper.TABLE1["variation_percent"][joint - 1])
-    minimum = share * study.design.inertia.maximum[joint - 1] * (1 - printed / 100)
-    return with_design(study, "inertia", "minimum", {joint: minimum})
-
-
-def with_deterioration(study, factors):
-    """The errors at the smallest inertia those at the largest, times a factor each."""
-    errors = {k: x * _at(study, AXIS_PI, k) for k, x in enumerate(factors, start=1)}
-    return largest(study, MIN_PI, errors)
-
-
 CASES = [
-    ("figure4_pi", lambda s: with_step(s, "pi", rise_time=0.0223), GOOD),
     ("figure4_pi", lambda s: with_step(s, "pi", settling_time=math.nan), BAD),
     ("figure4_p_in_feedback", lambda s: with_step(s, "p_in_feedback", overshoot_percent=0.1), BAD),
     ("table1_i_eff_max", lambda s: with_design(s, "inertia", "maximum", {3: 796.6}), BAD),
-    ("table1_kp", lambda s: with_design(s, "gains", "kp", {1: 267.2}), BAD),
     ("table1_ki", lambda s: with_design(s, "gains", "ki", {4: 2.73e5}), GOOD),
-    ("table1_zeta_max", lambda s: with_design(s, "gains", "kp", _kp(s, 1.0)), BAD),
-    ("omega_0k", lambda s: with_design(s, "gains", "kp", _kp(s, math.sqrt(1 - 0.32**2))), GOOD),
-    ("variation_joint_4", lambda s: with_variation(s, 4, 1), GOOD),
-    ("variation_joint_3", lambda s: with_variation(s, 3, 1.01), OPEN),
     ("algorithm1_split", lambda s: with_loads(s, s.axis("pi", "consistent").design.loads), GOOD),
     # CTC harms joint 4.
     ("ctc_improves_tracking", lambda s: largest(s, AXIS_CTC, {4: 1.05 * _at(s, AXIS_PI, 4)}), BAD),
     # Joint 2 turns at 1.5 rad/s, joint 4 at 0.2093 rad/s.
     ("pi_small_steady_error", lambda s: steady(s, AXIS_PI, {2: 0.3}), BAD),
-    ("pi_small_steady_error", lambda s: steady(s, AXIS_PI, {2: 0.0}), BAD),
     ("ctc_zero_steady_error", lambda s: steady(s, AXIS_CTC, {4: 0.003}), BAD),
     ("joint2_errors_from_load_jumps", lambda s: with_peak_and_jump(s, 2000, 1990, -1500), GOOD),
-    ("joint2_errors_from_load_jumps", lambda s: with_peak_and_jump(s, 2000, 1990, 900), BAD),
     ("joint2_errors_from_load_jumps", lambda s: with_peak_and_jump(s, 2000, 1900, 1500), BAD),
     ("joint2_pi_error_i_eff_max", lambda s: largest(s, AXIS_PI, {2: 1.01 * 1.08}), GOOD),
     ("joint2_pi_error_i_eff_min", lambda s: largest(s, MIN_PI, {2: 1.01 * 1.204}), GOOD),
-    ("deterioration_at_i_eff_min", lambda s: with_deterioration(s, [1, 1.115, 1, 1]), GOOD),
-    ("deterioration_at_i_eff_min", lambda s: with_deterioration(s, [1, 1.115, 1.1, 1]), OPEN),
+    ("deterioration_at_i_eff_min",
+     lambda s: largest(s, MIN_PI, {2: 1.115 * _at(s, AXIS_PI, 2)}), GOOD),
     ("ctc_insensitive_to_inertia",
      lambda s: largest(s, MIN_CTC, {2: 1.02 * _at(s, AXIS_CTC, 2)}), BAD),
     ("ctc_on_coupled_plant",

@@ -19,10 +19,10 @@ from sdt_drake.analysis.illusions import (
     quantities,
     true_attitude,
 )
-from sdt_drake.analysis.pilots import Feeling, draw_pilots, feelings
+from sdt_drake.analysis.pilots import Feeling, draw_pilots
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion import IntendedIllusion, shipped_motions
-from sdt_drake.robot.head import head_motion, head_motion_of_samples
+from sdt_drake.robot.head import head_motion
 from sdt_drake.systems import load_perception
 
 SETS = ("clark2019", "slow_yaw", "rader2009", "irmak2023")
@@ -34,17 +34,10 @@ def held(robot, q, samples=50):
     return head_motion(robot, q, 0 * q, 0 * q)
 
 
-def turned(robot, rate_deg):
-    """The head while the first joint comes to a speed, and holds it for 4 s."""
-    time = PERIOD * np.arange(250, dtype=float)
-    v = np.radians(rate_deg) * np.minimum(time[:, None], 1) * np.eye(robot.n)[0]
-    return head_motion_of_samples(robot, PERIOD, np.cumsum(v, axis=0) * PERIOD, v)
-
-
 # --- felt and true ------------------------------------------------------------------------------
 
 
-def test_a_head_at_rest_is_felt_as_it_is_and_by_every_pilot(robot):
+def test_a_head_at_rest_is_felt_as_it_is(robot):
     for q in ([0, 0.4, 0, 0], [1, -0.6, 0, 0], [2, 0.3, -0.4, 0.7]):
         head = held(robot, q)
         felt = feel(head, PERIOD, "clark2019")
@@ -52,7 +45,6 @@ def test_a_head_at_rest_is_felt_as_it_is_and_by_every_pilot(robot):
             np.testing.assert_allclose(own, true, atol=1e-6)
         assert illusions(felt, head) == []
     assert true_attitude(held(robot, [0, 0.4, 0, 0]))[0][0] == pytest.approx(0.4)  # to the right
-    assert [own.count for own in feelings(None, head, PERIOD, "clark2019", 2)] == [0] * 5
 
 
 def test_an_illusion_has_its_peak_start_and_end(robot):
@@ -69,7 +61,7 @@ def test_an_illusion_has_its_peak_start_and_end(robot):
 
 def test_angles_are_apart_the_short_way_round(robot):
     """170 deg to the right, felt as 170 to the left, is 20 deg off."""
-    head = held(robot, [0, np.radians(170), 0, 0], samples=50)
+    head = held(robot, [0, np.radians(170), 0, 0])
     felt = feel(head, PERIOD, "clark2019")
     mirrored = replace(felt, gravity=felt.gravity * [1, -1, 1])
     assert felt_apart(felt, mirrored)[0] == pytest.approx(np.radians(20), abs=1e-6)
@@ -150,15 +142,6 @@ def test_pilots_differ_as_was_published_and_in_nothing_else():
     for field in ("k_fw", "k_fg", "k_a", "tau_a", "cutoff"):
         assert all(getattr(pilot, field) == getattr(own, field) for pilot in drawn)
     assert draw_pilots(own, 5) == drawn[:5] != draw_pilots(own, 5, seed=1)
-
-
-def test_each_pilot_has_the_error_of_his_own_model(robot):
-    head, meant = turned(robot, 60), illusion_of("somatogravic")
-    (own,) = feelings(meant, head, PERIOD, "clark2019", 4, seed=3)
-    models = draw_pilots(load_perception("clark2019"), 4, seed=3)
-    expected = [largest_error(feel(head, PERIOD, model), head, meant) for model in models]
-    np.testing.assert_array_equal(own.errors, expected)
-    assert own.quantity == "pitch" and np.ptp(expected) > 0
 
 
 @pytest.mark.parametrize("felt", [168, 0, 200])

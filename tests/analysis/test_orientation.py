@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from alone import FEELING
-from laws import orientation_observer
 
 import sdt_drake as sdt
-from sdt_drake.analysis import orientation
 from sdt_drake.analysis.orientation import perceive
 from sdt_drake.systems import load_perception
 
@@ -97,31 +94,6 @@ def test_a_start_with_tilt_and_turn_has_lasted_for_long():
     np.testing.assert_allclose(felt.rate, 0, atol=1e-9)
 
 
-def test_agrees_with_the_law_integrated_by_hand():
-    """Runge-Kutta of fourth order on the law of the block's own test, with gains by axis."""
-    time, force, rate = flight(period=0.005, duration=3.0)
-    f, omega = -force[0] / G, rate[0]
-    not_parallel = f + np.array([1e-5, 0, 0])  # where that law is 0 / 0
-    gravity = f / np.linalg.norm(f)
-    x = np.concatenate([f, omega, omega, 0 * f, not_parallel, [0], gravity, np.zeros(6)])
-    expected = []
-    for i in range(0, len(time) - 2, 2):
-        step = time[i + 2] - time[i]
-        expected.append(np.concatenate([*orientation_observer(x, force[i], rate[i])[0].values()]))
-        k = np.zeros(len(x))
-        total = 0
-        for at, share, weight in ((i, 0, 1), (i + 1, 0.5, 2), (i + 1, 0.5, 2), (i + 2, 1, 1)):
-            k = orientation_observer(x + step * share * k, force[at], rate[at])[1]
-            total = total + weight * k
-        x = x + step / 6 * total
-    felt = perceive(time, force, rate, FEELING)
-    np.testing.assert_allclose(felt_of(felt)[:-1:2], expected, atol=3e-3)
-    np.testing.assert_allclose(np.linalg.norm(felt.gravity, axis=1), 1, atol=1e-4)
-
-
-# --- symmetries ---------------------------------------------------------------------------------
-
-
 def test_samples_may_be_uneven_and_start_anywhere():
     time, force, rate = flight()
     usual = felt_of(perceive(time, force, rate))
@@ -129,9 +101,6 @@ def test_samples_may_be_uneven_and_start_anywhere():
     felt = perceive(time[keep] + 1000, force[keep], rate[keep])
     np.testing.assert_array_equal(felt.time, time[keep] + 1000)
     np.testing.assert_allclose(felt_of(felt), usual[keep], atol=2e-2)
-
-
-# --- published ----------------------------------------------------------------------------------
 
 
 def swing(radial):
@@ -172,10 +141,8 @@ def test_swing_feels_as_the_printed_table_of_rader_says(radial):
     ("change", "line"),
     [
         (lambda t, f, w: (t[:-1], f, w), r"specific_force: .*\(501, 3\), expected \(500, 3"),
-        (lambda t, f, w: (t, f, w[:5]), r"angular_rate: .*\(5, 3\), expected \(501, 3\)"),
         (lambda t, f, w: (t, f, "a"), "angular_rate: a, expected"),
         (lambda t, f, w: (t[:1], f[:1], w[:1]), "time: expected at least 2 samples"),
-        (lambda t, f, w: (-t, f, w), "time: expected at least 2 samples"),
         (lambda t, f, w: (100 * t, f, w), "time: 1 s .* at 0 s, expected at most 0.1"),
         (lambda t, f, w: (t, f * (t != 3)[:, None], w), "specific_force: 0 m/s² at 3 s"),
     ],
@@ -183,12 +150,6 @@ def test_swing_feels_as_the_printed_table_of_rader_says(radial):
 def test_bad_samples_are_refused(change, line):
     with pytest.raises(sdt.InputError, match=f"^{line}[^\n]*$"):
         perceive(*change(*flight()))
-
-
-def test_a_recording_at_the_limits_is_accepted():
-    time, force, rate = head(1, orientation.MAX_PERIOD)
-    force[:, 2] = orientation.WEIGHTLESS
-    assert perceive(time, force, rate).pitch == pytest.approx(np.zeros(len(time)), abs=1e-9)
 
 
 def test_a_wrong_model_is_refused(tmp_path):

@@ -12,7 +12,6 @@ from sdt_drake.analysis.perception import (
     CHANNELS,
     DETECTORS,
     FeltDifference,
-    canals,
     false_sensation_after_stop,
     felt_difference,
     low_pass,
@@ -34,18 +33,6 @@ def test_low_pass_is_exact_for_straight_pieces(rng, T, h):
     u = rng.normal(size=(60, 2, 3))
     _, y, _ = lsim(([-1 / T], [1 / T], [1], [0]), u[:, 1, 2], h * np.arange(60), X0=u[0, 1, 2])
     np.testing.assert_allclose(low_pass(u, T, h)[:, 1, 2], y, atol=1e-9)
-
-
-@settings(max_examples=10)
-@given(GENERATORS, st.integers(0, 400))
-def test_canals_are_their_transfer_function_and_do_not_sense_what_has_always_been(rng, shift):
-    pieces = np.interp(np.arange(600), np.arange(0, 600, 60), rng.normal(size=10))
-    omega = np.repeat(np.append(pieces[0], pieces), [shift, *[1] * 600])  # later by the shift
-    poles = np.polymul([TAU, 1], [TAU_A, 1])
-    _, expected, _ = lsim(([TAU * TAU_A, 0, 0], poles), pieces - pieces[0], 0.05 * np.arange(600))
-    sensed = canals(omega, 0.05)
-    np.testing.assert_allclose(sensed[shift:], expected, atol=1e-9)
-    np.testing.assert_allclose(sensed[:shift], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("rate", "hold"), [(90, 60.0), (30, 300.0), (90, 2.0)])

@@ -1,8 +1,6 @@
-"""Stability with elastic joints, against characteristic polynomials, expm, and simulation."""
+"""Stability with elastic joints, against maps by hand."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 import pytest
@@ -11,77 +9,21 @@ from test_linear import (
     ROTORS,
     cascade_map,
     moving,
-    two_mass_polynomials,
     two_masses,
 )
 from variants import kind
 
 from sdt_drake.analysis.stability import least_damping, stability_sweep
-from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Drive
 from sdt_drake.systems.state_space import StateSpace
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
-ENCODERS = ("motor", "link")
 SOME = np.array([0.1, 0.3, 0.5, 0.7, 1.0, 1.5])
 
 
 @pytest.fixture(scope="module")
 def design(designed):
     return designed("coupled_pi")
-
-
-def damping_of(modes):
-    modes = moving(np.asarray(modes))
-    return float(np.min(-modes.real / np.abs(modes)))
-
-
-def polynomial(inertia, k, ratio, encoder, damping_ratio=0.01):
-    """Characteristic polynomial of joint k, gains by hand; motor side."""
-    speed, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R, damping_ratio)
-    omega_n = ratio * OMEGA_R
-    gains = inertia * np.array([2 * ZETA[k] * omega_n, omega_n**2])
-    return np.polyadd(np.polymul([1, 0], below), np.polymul(gains, speed[encoder]))
-
-
-def by_samples(inertia, k, ratio, encoder, drive):
-    """The same with a sampled drive: modes of its map over a period."""
-    at, omega_n = 3 if encoder == "motor" else 1, ratio * OMEGA_R
-    gain = inertia * (1 + drive.torque_error[k])
-    gains = [[2 * ZETA[k] * omega_n * gain]], [[omega_n**2 * gain]]
-    masses = two_masses(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
-    closed, _ = cascade_map(*masses, np.eye(4)[[at]], np.array(gains), drive.period, drive.period)
-    return damping_of(np.log(np.linalg.eigvals(closed).astype(complex)) / drive.period)
-
-
-# --- against calculations by hand ---------------------------------------------------------------
-
-
-@pytest.mark.parametrize("encoder", ENCODERS)
-@pytest.mark.parametrize(
-    ("drive", "damping_ratio"),
-    [(Drive(), 0.2), (Drive(period=0.005, torque_error=[0.1, -0.1, 0, 0.2]), 0.01)],
-    ids=["ideal", "5 ms"],
-)
-def test_damping_is_that_of_the_characteristic_polynomial_or_map(
-    design, encoder, drive, damping_ratio
-):
-    """The loop is unstable from where the damping changes its sign, and there has no overshoot."""
-    sweep = stability_sweep(
-        design, OMEGA_R, encoder=encoder, drive=drive, ratios=SOME, damping_ratio=damping_ratio
-    )
-    for k, inertia in enumerate(design.inertia.maximum):
-
-        def damping_at(ratio, k=k, inertia=inertia):
-            if drive.period:
-                return by_samples(inertia, k, ratio, encoder, drive)
-            return damping_of(np.roots(polynomial(inertia, k, ratio, encoder, damping_ratio)))
-
-        expected = [damping_at(ratio) for ratio in SOME]
-        np.testing.assert_allclose(sweep.damping[:, k], expected, atol=1e-6)
-        if min(expected) < 0 < expected[0]:
-            assert sweep.unstable_from[k] == pytest.approx(unstable_from(damping_at), abs=1e-3)
-    np.testing.assert_array_equal(np.isnan(sweep.overshoot_percent), sweep.damping <= 0)
 
 
 def unstable_from(damping_at, ratios=SOME):
@@ -96,7 +38,58 @@ def unstable_from(damping_at, ratios=SOME):
     return high
 
 
-# --- the controller of the scenario -------------------------------------------------------------
+POSITION_GAIN = [3.0, 5.0, 7.0, 20.0]
+ERRORS = [0.1, -0.1, 0, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("fields", "encoder", "drive", "damping_ratio"),
+    [
+        (kind("pi"), "motor", Drive(), 0.2),
+        (kind("pi"), "link", Drive(period=0.005, torque_error=ERRORS), 0.01),
+        (kind("p_pi", position_gain=POSITION_GAIN), "motor", Drive(period=0.001), 0.01),
+        (kind("p_pi"), "link", Drive(), 0.01),
+    ],
+)
+def test_modes_and_overshoot_are_those_of_the_map_by_hand(
+    designed, fields, encoder, drive, damping_ratio
+):
+    """K_V follows omega_n, or is the scenario's own; positions are sampled every 5 ms."""
+    design = designed("coupled_pi", fields)
+    sweep = stability_sweep(
+        design, OMEGA_R, encoder=encoder, drive=drive, ratios=SOME, damping_ratio=damping_ratio
+    )
+    is_cascade = design.scenario.controller.kind == "p_pi"
+    period = 0.005 if is_cascade else drive.period or 0.001
+    for k, inertia in enumerate(design.inertia.maximum):
+
+        def over_a_period(ratio, k=k, inertia=inertia):
+            """Map of the closed loop at v_ref = 0, and what a speed that is asked for adds."""
+            omega_n, gain = ratio * OMEGA_R, inertia * (1 + (drive.torque_error or [0] * 4)[k])
+            k_v = is_cascade * (fields.get("controller.position_gain") or [omega_n / 4] * 4)[k]
+            gains = np.array([[[2 * ZETA[k] * omega_n * gain]], [[omega_n**2 * gain]]])
+            at = 2 if encoder == "motor" else 0
+            masses = two_masses(ROTORS[k], inertia - ROTORS[k], OMEGA_R, damping_ratio)
+            A, B = cascade_map(*masses, np.eye(4)[[at + 1]], gains, period, drive.period)
+            return A - k_v * B * np.eye(5)[at], B[:, 0], k_v
+
+        def damping_at(ratio, over_a_period=over_a_period):
+            z = moving(np.linalg.eigvals(over_a_period(ratio)[0]).astype(complex), 1e-12)
+            modes = moving(np.log(z) / period)
+            return np.min(-modes.real / np.abs(modes))
+
+        expected = [damping_at(ratio) for ratio in SOME]
+        np.testing.assert_allclose(sweep.damping[:, k], expected, atol=1e-6)
+        assert sweep.unstable_from[k] == pytest.approx(unstable_from(damping_at), abs=1e-3)
+        for i, ratio in enumerate(SOME if is_cascade else ()):
+            if sweep.damping[i, k] > 0:
+                (A, B, k_v), x, speeds = over_a_period(ratio), np.zeros(5), []
+                for j in range(2000):
+                    speeds.append(x[1])
+                    x = A @ x + B * (1 + k_v * period * j)
+                overshoot = 100 * (max(speeds) - 1)
+                assert sweep.overshoot_percent[i, k] == pytest.approx(overshoot, abs=0.1)
+    np.testing.assert_array_equal(np.isnan(sweep.overshoot_percent), sweep.damping <= 0)
 
 
 @pytest.mark.parametrize(("controller", "overshoot"), [("pi_id", 37), ("pi_scheduled", None)])
@@ -109,46 +102,6 @@ def test_other_controllers_of_speed_have_the_modes_of_pi(designed, design, contr
     np.testing.assert_allclose(sweep.overshoot_percent[2], expected, atol=0.5)
 
 
-@pytest.mark.parametrize(
-    ("encoder", "position_gain", "drive"),
-    [
-        ("motor", [3.0, 5.0, 7.0, 20.0], Drive(period=0.001)),
-        ("link", None, Drive()),
-    ],
-    ids=["motor-own-1 ms", "link-ideal"],
-)
-def test_the_position_loop_of_a_cascade_is_swept(designed, encoder, position_gain, drive):
-    """K_V follows omega_n, or is the scenario's own; positions are sampled every 5 ms."""
-    design = designed("coupled_pi", kind("p_pi", position_gain=position_gain))
-    sweep = stability_sweep(design, OMEGA_R, encoder=encoder, drive=drive, ratios=SOME)
-    for k, inertia in enumerate(design.inertia.maximum):
-
-        def over_a_period(ratio, k=k, inertia=inertia):
-            """Map of the closed loop at v_ref = 0, and what a speed that is asked for adds."""
-            omega_n = ratio * OMEGA_R
-            k_v = omega_n / 4 if position_gain is None else position_gain[k]
-            gains = (np.array([[2 * ZETA[k] * omega_n * inertia]]), [[omega_n**2 * inertia]])
-            at = 2 if encoder == "motor" else 0
-            A, B = two_masses(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
-            A, B = cascade_map(A, B, np.eye(4)[[at + 1]], gains, 0.005, drive.period)
-            return A - k_v * B * np.eye(5)[at], B[:, 0], k_v
-
-        def damping_at(ratio, over_a_period=over_a_period):
-            z = np.linalg.eigvals(over_a_period(ratio)[0]).astype(complex)
-            return damping_of(np.log(z) / 0.005)
-
-        for i, ratio in enumerate(SOME):
-            assert sweep.damping[i, k] == pytest.approx(damping_at(ratio), abs=1e-6)
-            if sweep.damping[i, k] > 0:
-                (A, B, k_v), x, speeds = over_a_period(ratio), np.zeros(5), []
-                for j in range(2000):
-                    speeds.append(x[1])
-                    x = A @ x + B * (1 + k_v * 0.005 * j)
-                expected = 100 * (max(speeds) - 1)
-                assert sweep.overshoot_percent[i, k] == pytest.approx(expected, abs=0.1)
-        assert sweep.unstable_from[k] == pytest.approx(unstable_from(damping_at), abs=1e-3)
-
-
 def test_resting_modes_do_not_count():
     def loop(*poles):
         return StateSpace(np.diag(poles), np.zeros((len(poles), 1)), np.zeros((1, len(poles))), 0)
@@ -156,12 +109,3 @@ def test_resting_modes_do_not_count():
     assert least_damping(loop(0.0, -2.0, 1e-5), 1.0) == 1
     assert least_damping(loop(0.0, -2.0, 0.1), 1.0) == -1
     assert least_damping(loop(0.0, -2e-4, 1e-5), 1e-4) == -1, "slow loops have slow modes"
-
-
-# --- bad input ----------------------------------------------------------------------------------
-
-
-def test_a_robot_without_rotors_is_refused(design):
-    robot = dataclasses.replace(design.robot, rotor_inertia=np.zeros(4))
-    with pytest.raises(InputError, match="joint 1 has the rotor inertia 0"):
-        stability_sweep(dataclasses.replace(design, nominal=robot), OMEGA_R)

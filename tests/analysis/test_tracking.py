@@ -11,12 +11,7 @@ from variants import recorded
 
 from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of, plain_number
 from sdt_drake.analysis.step import step_metrics
-from sdt_drake.analysis.tracking import (
-    motor_use,
-    stops_passed,
-    track,
-    track_head,
-)
+from sdt_drake.analysis.tracking import motor_use, track, track_head
 from sdt_drake.motion import Motion
 
 PERIOD = 0.01
@@ -65,14 +60,6 @@ def test_saturated_fraction_is_the_share_of_the_time():
     saturated[:, 1] = 1.0
     tracking = track(recorded(MOTION, saturated=saturated), MOTION)
     np.testing.assert_allclose(tracking.saturated_fraction, [0.125, 1, 0, 0, 0])
-
-
-def test_stops_that_are_passed_are_named_by_joint_time_and_angle():
-    q, beyond = MOTION.q.copy(), np.zeros_like(MOTION.q)
-    beyond[200:300, 3] = np.linspace(0.01, 0.02, 100)
-    [line] = stops_passed(recorded(MOTION, q=q, beyond_stop=beyond), ["a", "b", "c", "roll", "e"])
-    for part in ("joint 4 roll", "2.000 s", f"{q[200, 3]:.4g} rad", "0.02 rad beyond"):
-        assert part in line
 
 
 # --- head and motors ----------------------------------------------------------------------------

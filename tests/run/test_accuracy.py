@@ -11,15 +11,11 @@ from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
 
-# Where motors saturate most, 9.2 to 10.4 s, every kind of controller on the axis plant; elsewhere
-# a hard part. `wrong_model` is `uncertain` with another feedforward.
+# Where motors saturate most, and other hard parts of motions.
 PARTS = [
     ("axis_pi", "pi", 9.2, 10.4),
-    ("axis_pi", "p_pi+id", 9.2, 10.4),
-    ("axis_pi_ctc", "pi_id", 9.2, 9.8),
     ("coupled_pi", "inverse_dynamics", 9.2, 9.7),
     ("uncertain", "pi_scheduled", 9.2, 9.6),
-    ("real_device", "pi_id", 9.2, 9.4),
     ("training", "p_pi+id", 6.3, 6.7),
 ]
 

@@ -1,12 +1,11 @@
-"""Laws that runs of any robot obey, on robots and motions that hypothesis draws."""
+"""Runs of any robot, on robots and motions that hypothesis draws."""
 
 from dataclasses import replace
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import chain_sdf, loaded
-from strategies import GENERATORS, motions, robots
+from strategies import motions, robots
 
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import ControllerChoice, PlantChoice, Scenario
@@ -17,23 +16,6 @@ def design_of(kind, robot, motion):
     controller = ControllerChoice(kind=kind, omega_r=60.0)
     scenario = Scenario(plant=PlantChoice("coupled"), controller=controller, period=motion.period)
     return make_design(scenario, robot=robot, motion=motion)
-
-
-@given(st.integers(1, 4), GENERATORS, st.data())
-def test_a_gear_scales_gains_and_feedforward_to_the_motor_side(n, rng, data):
-    ratio, rotor, seed = rng.uniform(0.5, 100, n), rng.uniform(1e-4, 0.1, n), int(rng.integers(99))
-    motion = data.draw(motions(n, samples=8))
-    geared, direct = (
-        design_of(
-            "pi_id",
-            loaded(chain_sdf(n, seed=seed, motors={"gear_ratio": r, "rotor_inertia": i})),
-            motion,
-        )
-        for r, i in ((ratio, rotor), (np.ones(n), rotor * ratio**2))
-    )
-    np.testing.assert_allclose(geared.gains.kp * ratio**2, direct.gains.kp, rtol=1e-9)
-    np.testing.assert_allclose(geared.gains.ki * ratio**2, direct.gains.ki, rtol=1e-9)
-    np.testing.assert_allclose(geared.tau_ff * ratio, direct.tau_ff, rtol=1e-9, atol=1e-9)
 
 
 @settings(max_examples=8)

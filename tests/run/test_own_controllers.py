@@ -6,17 +6,14 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.trust import trusting
 from sdt_drake.run import kinds
-from sdt_drake.run.design import make_design
 from sdt_drake.run.kinds import CONTROLLERS, load_controllers
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.simulate import simulate
 
 OWN = Path(__file__).parents[1] / "own_controllers.py"
 SCENARIO = """
@@ -54,7 +51,6 @@ def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
     """Into processes that have not seen it, and into the folder, where rows are repeated."""
     labels = ["--controllers", "pi,proportional"]
     assert main(["compare", str(desk / "run.yaml"), *labels, "--trust"]) == 0
-    assert "largest inertia of each joint" in capsys.readouterr().out.splitlines()[-1]
     study = ["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1", "--trust"]
     assert main(study) == 0 and "failed" not in capsys.readouterr().out
     shutil.rmtree(desk)
@@ -64,9 +60,8 @@ def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
     assert "proportional" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["bode", "stability"])
-def test_linear_analysis_needs_a_linear_feedback(desk, capsys, command):
-    assert main([command, str(desk / "run.yaml"), "--trust"]) == 2
+def test_linear_analysis_needs_a_linear_feedback(desk, capsys):
+    assert main(["bode", str(desk / "run.yaml"), "--trust"]) == 2
     assert "controller.kind proportional: has no linear feedback" in capsys.readouterr().err
 
 
@@ -91,16 +86,14 @@ def test_the_same_text_is_run_once(desk, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("(LeafSystem, Controller)", "(Controller)", "expected a class that derives from a Drake"),
         ("2 * n)\n", "n)\n", "controller: input 'sampled_state' .*4, expected 8"),
         ("super().__init__()", "pass", rf"{CLASS}: __init__ of Proportional declares ports first"),
         ("self._gain * (", "sys.exit(0) * (", rf"{CLASS}: fails \(SystemExit: 0\)"),
         (
-            "    def _calc(self, context, output):\n",
-            "    def after_updates(self, tau_cmd, measured, held):\n        return tau_cmd[1:]\n\n"
-            "    def _calc(self, context, output):\n"
-            "        self._gain = self._gain if context.get_time() < 0.2 else np.inf\n",
-            rf"{CLASS}: tau_cmd of joint 1 is -?inf at 0\.20",
+            "        n = self._n\n",
+            "        n, t = self._n, context.get_time()\n"
+            "        self._gain = self._gain if t < 0.2 else np.inf\n",
+            rf"{CLASS}: tau_cmd of joint 1 is -?inf at 0\.2 s",
         ),
         (
             "inputs = {",
@@ -124,7 +117,6 @@ def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
     [
         ("x = 1 +\n", r"own\.py: SyntaxError: invalid syntax .*line 1"),
         ("import math\n\nmath.sqrt(-1)\n", r"own\.py, line 3: ValueError: math domain error$"),
-        ("x = 1\n", r"controller\.kind: 'proportional', expected one of pi, "),
         (None, r"own\.py: no such file$"),
     ],
 )
@@ -134,10 +126,3 @@ def test_a_file_that_cannot_be_used(desk, text, message):
         (desk / "own.py").write_text(text)
     with pytest.raises(InputError, match=message):
         load_scenario(desk / "run.yaml", trust=True)
-
-
-def test_its_command_at_both_ends_of_a_period(desk):
-    """What it holds from sample to sample is what the motors give all the time."""
-    recording = simulate(make_design(load_scenario(desk / "run.yaml", trust=True)))
-    np.testing.assert_allclose(recording.tau_peak[1:], np.abs(recording.tau[1:]), atol=1e-9)
-    np.testing.assert_allclose(recording.tau_rms[1:], np.abs(recording.tau[1:]), atol=1e-9)

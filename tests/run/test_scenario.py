@@ -23,7 +23,6 @@ SHIPPED = sorted(path.stem for path in (models_dir() / "scenarios").glob("*.yaml
 I_EFF = [4.26, 98.01, 796.3, 250.28]
 KP = [267.1, 6.34e3, 5.2e4, 1.57e4]
 KI = [4.64e3, 1.07e5, 8.67e5, 2.73e5]
-ZETA = [0.95, 0.98, 0.99, 0.95]
 STILL = "duration: 1\njoints:\n" + 4 * "  - !Knots {knots: [[0, 0], [1, 0]]}\n"
 
 
@@ -42,43 +41,29 @@ def load(tmp_path):
 def test_a_shipped_scenario_survives_a_round_trip_and_can_be_made(name, tmp_path, designed):
     scenario = load_scenario(name)
     check(scenario, n=4)
-    assert scenario.name == name and scenario.period == 0.005
     save_scenario(scenario, tmp_path / "new" / "copy.yaml")
     assert load_scenario(tmp_path / "new" / "copy.yaml") == scenario
     assert designed(name).scenario == scenario
 
 
-@pytest.mark.parametrize("name", ["axis_pi", "axis_pi_ctc"])
-def test_axis_scenarios_have_the_published_numbers(name, designed):
-    design = designed(name)
-    scenario, amplitude = design.scenario, 0.05 if name == "axis_pi_ctc" else 0.0
-    assert scenario.controller.structure_in_use == "p_in_feedback"
-    assert scenario.algorithm == "printed"
-    assert scenario.disturbance == DisturbanceChoice(amplitude, 2 * np.pi)
-    np.testing.assert_array_equal(design.i_eff, I_EFF)
-    np.testing.assert_array_equal(design.gains.kp, KP)
-    np.testing.assert_array_equal(design.gains.ki, KI)
-
-
-@pytest.mark.parametrize("name", ["coupled_pi", "coupled_pi_ctc"])
-def test_coupled_scenarios_are_tuned_to_table_1(name, designed):
-    design = designed(name)
-    controller, gains = design.scenario.controller, design.gains
-    assert controller.omega_r == pytest.approx(2 * np.pi * 10.5028, rel=1e-5)
-    assert controller.structure_in_use == "p_in_feedback" and controller.zeta == ZETA
-    assert design.scenario.algorithm == "consistent"
-    # The paper prints 2.73e5 for joint 4; its own formula gives 2.7248e5.
-    np.testing.assert_allclose(gains.ki, [4.64e3, 1.067e5, 8.67e5, 2.7248e5], rtol=1e-3)
-    np.testing.assert_allclose(gains.kp, KP, rtol=5e-3)
-
-
-def test_defaults_of_inertia_and_zeta(designed):
-    without = {"plant.i_eff": None, "controller.zeta": None}
-    design = designed("axis_pi", without)
-    np.testing.assert_allclose(design.i_eff, [4.2601, 98.0127, 796.298, 250.280], rtol=1e-5)
-    # zeta = 1: K_PS = 2 I_eff omega_n with omega_n = omega_r / 2
-    gains = designed("coupled_pi", without).gains
-    np.testing.assert_allclose(gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
+def test_shipped_scenarios_have_the_published_numbers(designed):
+    for name, amplitude in (("axis_pi", 0.0), ("axis_pi_ctc", 0.05)):
+        design = designed(name)
+        scenario = design.scenario
+        assert scenario.controller.structure_in_use == "p_in_feedback"
+        assert scenario.algorithm == "printed"
+        assert scenario.disturbance == DisturbanceChoice(amplitude, 2 * np.pi)
+        numbers = design.i_eff, design.gains.kp, design.gains.ki
+        np.testing.assert_array_equal(numbers, (I_EFF, KP, KI))
+    for name in ("coupled_pi", "coupled_pi_ctc"):
+        design = designed(name)
+        assert design.scenario.algorithm == "consistent"
+        # The paper prints 2.73e5 for joint 4; its own formula gives 2.7248e5.
+        np.testing.assert_allclose(design.gains.ki, [4.64e3, 1.067e5, 8.67e5, 2.7248e5], rtol=1e-3)
+        np.testing.assert_allclose(design.gains.kp, KP, rtol=5e-3)
+    # Without zeta it is 1: K_PS = 2 I_eff omega_n with omega_n = omega_r / 2.
+    design = designed("coupled_pi", {"controller.zeta": None})
+    np.testing.assert_allclose(design.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
 
 
 def test_torque_margin_period_and_planner_reach_the_plan(load, robot, tmp_path):
@@ -97,12 +82,9 @@ def test_torque_margin_period_and_planner_reach_the_plan(load, robot, tmp_path):
 @pytest.mark.parametrize(
     "kind, feedforward, in_use, structure, label",
     [
-        ("pi_ctc", None, "ctc", "p_in_feedback", "pi_ctc"),
         ("pi_id", None, "id", "pi", "pi_id"),
         ("p_pi", "none", "none", "pi", "p_pi"),
-        ("p_pi", "id", "id", "pi", "p_pi+id"),
         ("pi_scheduled", "ctc", "ctc", "p_in_feedback", "pi_scheduled+ctc"),
-        ("inverse_dynamics", None, "none", "p_in_feedback", "inverse_dynamics"),
     ],
 )
 def test_feedforward_structure_and_label(kind, feedforward, in_use, structure, label):
@@ -133,23 +115,3 @@ def test_paths_start_from_the_folder_of_the_scenario_and_survive_saving(tmp_path
     assert scenario.device.catalogue == str(folder / "own_motors.yaml")
     save_scenario(scenario, tmp_path / "results" / "copy.yaml")
     assert load_scenario(tmp_path / "results" / "copy.yaml") == scenario
-
-
-AXIS = find_file("package://sdt/scenarios/axis_pi.yaml").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    "old, new, message",
-    [
-        ("267.1, ", "", r"scenario 'axis_pi': controller\.kp: 3 value\(s\), expected 4"),
-        ("0.005", "0.007", r"30 s is not a whole multiple of the period 0\.007 s"),
-        ("0.005", "1e-310", "period"),
-        ("package://sdt/sdt.sdf", "none.sdf", r"none\.sdf: no such file"),
-        ("package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*reference"),
-    ],
-)
-def test_a_field_that_does_not_fit_the_robot_or_motion_is_refused(load, old, new, message):
-    assert old in AXIS
-    scenario = load(AXIS.replace(old, new, 1))
-    with pytest.raises(InputError, match=message):
-        make_design(scenario)

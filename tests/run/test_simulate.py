@@ -8,8 +8,9 @@ import pytest
 from by_hand import LIMIT
 from variants import weaker
 
+from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.tables import LIMITS, write_table
+from sdt_drake.io.tables import write_table
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import Recording, _beyond_stop, simulate
 
@@ -38,7 +39,6 @@ def test_recording_has_every_sample_and_the_torques_before_its_update(design, re
     np.testing.assert_array_equal(recording.q_ref, motion.q)
     np.testing.assert_array_equal(recording.v_ref, motion.v)
     np.testing.assert_array_equal(recording.speed_error, recording.v - motion.v)
-    np.testing.assert_array_equal(recording.position_error, recording.q - motion.q)
     np.testing.assert_array_equal(recording.load_torque[1:], load[:-1])
     limit = 0.6 * LIMIT
     help_ = help_[:-1] if design.scenario.plant.kind == "axis" else np.zeros((400, 4))
@@ -47,12 +47,6 @@ def test_recording_has_every_sample_and_the_torques_before_its_update(design, re
         recording.tau[1:], np.clip(recording.tau_cmd[1:], lower, upper), rtol=1e-12
     )
     assert np.any(recording.tau != recording.tau_cmd)
-    # tau_cmd - tau_ff = K_IS integral - K_PS r v; the integral is that of the held reference.
-    r = design.robot.gear_ratio
-    held = np.cumsum(design.motion.v[:-1], axis=0) * design.motion.period
-    integral = r * (held - (recording.q[1:] - recording.q[0]))
-    expected = design.gains.ki * integral - design.gains.kp * r * recording.v[1:] + load[:-1]
-    np.testing.assert_allclose(recording.tau_cmd[1:], expected, rtol=1e-6, atol=0.01)
 
 
 def test_a_recording_survives_its_csv_and_a_second_run_in_its_diagram(design, recording, tmp_path):
@@ -67,28 +61,27 @@ def test_a_recording_survives_its_csv_and_a_second_run_in_its_diagram(design, re
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "step", "message"),
+    ("name", "value", "message"),
     [
-        ("q", 1.1e6, 0.005, "q_2 is 1.1e+06 rad at 0.005 s, expected at most 1e+06 rad"),
-        ("v_ref", -1.1e4, 0.005, "v_ref_2 is -11000 rad/s at 0.005 s, expected at most 10000"),
-        ("q", 0.0, 1e-7, "time in steps of 1e-07 s, expected at least"),
+        ("q", 1.1e6, "q_2 is 1.1e+06 rad at 0.005 s, expected at most 1e+06 rad"),
+        ("v_ref", -1.1e4, "v_ref_2 is -11000 rad/s at 0.005 s, expected at most 10000"),
     ],
 )
-def test_a_csv_of_what_cannot_be_is_refused(tmp_path, name, value, step, message):
+def test_a_csv_of_what_cannot_be_is_refused(tmp_path, name, value, message):
     columns = {other: np.zeros((2, 2)) for other in COLUMNS if other != "speed_error"}
     columns[name][1, 1] = value
-    write_table(tmp_path / "run.csv", np.array([0, step]), columns)
+    write_table(tmp_path / "run.csv", np.array([0, 0.005]), columns)
     with pytest.raises(InputError, match=re.escape(f"run.csv: {message}")):
         Recording.from_csv(tmp_path / "run.csv")
-    columns[name][1, 1] = np.sign(value) * LIMITS[name][0]
-    write_table(tmp_path / "run.csv", np.array([0, 0.005]), columns)
-    assert Recording.from_csv(tmp_path / "run.csv").time[-1] == 0.005
 
 
-def test_how_far_a_joint_is_beyond_its_stop(design):
+def test_how_far_a_joint_is_beyond_its_stop(design, recording):
     """Stops do not act; the axis plant has none."""
     stops = {"position_lower": np.full(4, -1.0), "position_upper": np.full(4, 2.0)}
     design = replace(design, nominal=replace(design.robot, **stops))
     beyond = [0, 0.5, 0.25, 0] if design.scenario.plant.kind == "coupled" else [0] * 4
     q = np.array([[0.0, -1.5, 2.25, 2.0]])
     np.testing.assert_array_equal(_beyond_stop(design, q), [beyond])
+    run = replace(recording, beyond_stop=np.tile([0, 0, 0, 0.02], (401, 1)))
+    [line] = stops_passed(run, design.robot.joint_names)
+    assert "joint 4 yaw passes its stop at 0.000 s, at " in line and "goes 0.02 rad beyond" in line

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.errors import InputError
@@ -67,7 +67,6 @@ def test_loops_without_python_convert_to_autodiff(designed, name, fields):
     ("name", "fields"),
     [
         ("axis_pi_ctc", {"algorithm": "printed"}),
-        ("coupled_pi_ctc", {}),
         ("coupled_pi_ctc", WRONG),
         ("coupled_pi", WRONG | {"controller.kind": "pi_id"}),
     ],
@@ -82,36 +81,6 @@ def test_table_and_online_torques_are_the_same(designed, name, fields):
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-8, err_msg=signal)
 
 
-STATE = ("state", 8)
-
-
-class Own(LeafSystem):
-    """A block in Python that is no controller of the package."""
-
-    def __init__(self, state, *outputs):
-        super().__init__()
-        self.DeclareVectorInputPort(*state)
-        for port in outputs or [("tau_cmd", 4)]:
-            self.DeclareVectorOutputPort(*port, lambda context, output: None)
-
-
-@pytest.mark.parametrize(
-    ("ports", "message"),
-    [
-        ([("speed", 8)], r"^controller \(class Own\): an input 'speed', expected "),
-        ([("state", 4)], "^controller: input 'state' has length 4, expected 8$"),
-        ([STATE, ("torque", 4)], r"^controller .*: outputs: torque of length 4, expected tau_cmd"),
-        ([STATE, ("tau_cmd", 3)], "^controller .*: .*tau_cmd of length 3, expected tau_cmd of"),
-        ([STATE, ("tau_cmd", 4), ("reference", 12)], "^controller .* of length 4, reference of"),
-    ],
-    ids=str,
-)
-def test_ports_that_do_not_fit_are_refused(designed, ports, message):
-    with pytest.raises(InputError, match=message) as error:
-        make_loop(designed("coupled_pi", end=0.1), controller=Own(*ports))
-    assert "\n" not in str(error.value)
-
-
 def test_drawn_in_meshcat_a_run_is_the_same(designed, meshcat):
     design = designed("coupled_pi", start=2.0, end=2.2)
     drawn = simulate(design, make_loop(design, meshcat=meshcat), realtime_rate=0.0)
@@ -122,7 +91,6 @@ def test_drawn_in_meshcat_a_run_is_the_same(designed, meshcat):
 
 def test_diagrams_without_the_loop_of_the_design_are_refused(designed):
     design, other = designed("coupled_pi", end=0.1), designed("axis_pi", end=0.1)
-
     for loops in ([], [other], [design, design]):
         builder = DiagramBuilder()
         for k, loop in enumerate([PassThrough(1), *map(make_loop, loops)]):
