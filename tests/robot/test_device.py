@@ -16,7 +16,6 @@ COULOMB, VISCOUS = [300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0]
 BREAKAWAY = [450.0, 60.0, 10.0, 50.0]
 FRICTION = Friction(COULOMB, VISCOUS, BREAKAWAY, stribeck_speed=V_S)
 LOADED = Friction(COULOMB, VISCOUS, BREAKAWAY, stribeck_speed=V_S, offset=[0.0, -70.0, 5.0, 0.0])
-DRY = Friction(COULOMB, breakaway=BREAKAWAY, stribeck_speed=V_S)
 
 OMEGA = [60.0, 0.0, 150.0, 30.0]  # rad/s
 INERTIA = np.array([18000.0, 90.0, 790.0, 250.0])  # kg m²
@@ -24,9 +23,8 @@ GRAVITY = np.array([0.0, 500.0, 900.0, -300.0])  # N m/rad
 
 
 def at(friction, v):
-    """Friction at the same speed of every joint, or at speeds of shape (N,): (N, 4)."""
-    v = np.multiply.outer(np.asarray(v, dtype=float), np.ones(4))
-    return device.sliding_friction(device.friction_parameters(friction, 4), v)
+    """Friction at the same speed of every joint."""
+    return device.sliding_friction(device.friction_parameters(friction, 4), np.full(4, v))
 
 
 def test_friction_by_hand():
@@ -35,18 +33,12 @@ def test_friction_by_hand():
     # Joint 3 at v_s / 2: 10 / 2 exp(3 / 8) + 8 * 0.015, and with what it carries both ways.
     assert at(FRICTION, V_S / 2)[2] == pytest.approx(7.2749571 + 0.12, rel=1e-7)
     assert at(LOADED, -V_S / 2)[2] == pytest.approx(5 - 7.2749571 - 0.12, rel=1e-7)
+    # At v_s, breakaway and 40 * 0.03; where breakaway is Coulomb friction, there is no peak.
+    assert at(FRICTION, V_S)[0] == pytest.approx(450 + 1.2, rel=1e-12)
+    np.testing.assert_array_equal([at(FRICTION, v)[1] for v in (V_S / 2, V_S, 9 * V_S)], 60)
     np.testing.assert_array_equal(at(FRICTION, 0.0), 0)
     np.testing.assert_array_equal(at(LOADED, 0.0), LOADED.offset)
     np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
-
-
-def test_the_peak_of_friction_at_the_stribeck_speed_is_breakaway():
-    v = np.linspace(0.2, 5, 4801) * V_S
-    friction = at(DRY, v)
-    np.testing.assert_allclose(at(DRY, V_S), BREAKAWAY, rtol=1e-12)
-    np.testing.assert_allclose(friction.max(axis=0), BREAKAWAY, rtol=1e-9)
-    np.testing.assert_allclose(v[friction.argmax(axis=0)][[0, 2, 3]], V_S, rtol=2e-3)
-    np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
 
 
 def test_defaults_are_no_friction_and_no_peak():
