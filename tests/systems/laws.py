@@ -24,7 +24,7 @@ TIME = 0.3  # s
 CASES: list[SimpleNamespace] = []
 
 
-def case(block, title="", *, scales=None, tolerance=1e-12, feedthrough=None, **changes):
+def case(block, title="", *, scales=None, tolerance=1e-12, **changes):
     """Register the law that follows, of a block with changed arguments.
 
     It goes from state and inputs to outputs, and to rates and next samples; None stands for 0.
@@ -34,11 +34,10 @@ def case(block, title="", *, scales=None, tolerance=1e-12, feedthrough=None, **c
         title: what is special about it.
         scales: sizes of the random inputs, 1 by default; "x" is the state.
         tolerance: relative error of outputs and rates.
-        feedthrough: each input and output between which it acts at once; None for all.
         changes: arguments of the block.
     """
     of = {"block": block, "title": f"{block} {title}".strip(), "scales": scales or {}}
-    of |= {"changes": changes, "tolerance": tolerance, "feedthrough": feedthrough}
+    of |= {"changes": changes, "tolerance": tolerance}
 
     def register(law):
         CASES.append(SimpleNamespace(law=law, **of))
@@ -63,9 +62,7 @@ for structure, anti_windup, period in itertools.product(
     ("pi", "p_in_feedback"), (False, True), (None, PERIOD / 4)
 ):
     options = {"structure": structure, "anti_windup": anti_windup, "period": period}
-    at_once = {"state tau_fb"} | ({"reference tau_fb"} if structure == "pi" else set())
-    register = case("PiSpeedController", f"{[*options.values()]}", feedthrough=at_once, **options)
-    register(partial(pi_law, **options))
+    case("PiSpeedController", f"{[*options.values()]}", **options)(partial(pi_law, **options))
 
 
 @case("CtcFeedforward")
@@ -85,10 +82,7 @@ def position_loop(x, reference, sampled_state):
     return {"speed_reference": np.concatenate([q_ref, v_ref, vd_ref])}, None
 
 
-PAIRS = {f"{i} weighted_{o}" for o in ("reference", "state") for i in (o, "inertia_share")}
-
-
-@case("GainSchedule", feedthrough=PAIRS)
+@case("GainSchedule")
 def gain_schedule(x, reference, state, inertia_share):
     q_ref, v_ref, vd_ref = np.split(reference, 3)
     q, v = np.split(state, 2)
@@ -125,13 +119,13 @@ def torque_loop(x, tau_limited):
 
 case("TorqueLoop", tolerance=0)(lambda x, tau_limited: ({"tau": tau_limited}, None))
 case("TorqueLoop", "with error", error=ERROR)(torque_loop)
-case("TorqueLoop", "with lag", bandwidth=300.0, error=ERROR, feedthrough=set())(torque_loop)
+case("TorqueLoop", "with lag", bandwidth=300.0, error=ERROR)(torque_loop)
 
 
 # --- plants ----------------------------------------------------------------------------------
 
 
-@case("AxisProcess", feedthrough=set())
+@case("AxisProcess")
 def axis_process(x, tau, load_torque):
     return {"state": x}, [*x[N:], *((tau - load_torque) / alone.I_EFF / GEAR)]
 
@@ -170,9 +164,8 @@ def elastic_joints(x, tau, state, *, springs):
     return outputs, [*w[elastic], *wd]
 
 
-AT_ONCE = {"tau tau_link", "state tau_link", "state motor_state"}
 for springs in (alone.SPRINGS, ALL):
-    register = case("ElasticJoints", "all" * (springs is ALL), springs=springs, feedthrough=AT_ONCE)
+    register = case("ElasticJoints", "all" * (springs is ALL), springs=springs)
     register(partial(elastic_joints, springs=springs))
 
 DEVICE = load_robot()
@@ -199,8 +192,8 @@ def robot_plant(x, tau, load_torque, *, rotors):
 
 STRONG = {"tau": 10 * DEVICE.motor_torque_limit, "load_torque": 100.0}  # not limited
 for apart in ([0, 0, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]):
-    apart, options = np.array(apart, dtype=bool), {"tolerance": 1e-9, "feedthrough": set()}
-    register = case("RobotPlant", str(apart), without_rotor=apart, scales=STRONG, **options)
+    apart = np.array(apart, dtype=bool)
+    register = case("RobotPlant", f"{apart}", without_rotor=apart, scales=STRONG, tolerance=1e-9)
     register(partial(robot_plant, rotors=ROTOR * ~apart))
 
 
@@ -250,12 +243,12 @@ def inverse_dynamics(x, reference):
 # --- encoders, symbols, perception -----------------------------------------------------------
 
 
-@case("Encoder", feedthrough=set())
+@case("Encoder")
 def ideal_encoder(x, state):
     return {"measured": x}, state
 
 
-@case("Encoder", "with resolution", **alone.RESOLVED, feedthrough=set())
+@case("Encoder", "with resolution", **alone.RESOLVED)
 def encoder(x, state):
     now, before = np.split(x[1:], 2)
     increments = np.array([50.0, 60.0, 70.0]) * GEAR  # per revolution of the joint
@@ -284,10 +277,7 @@ K_W, K_FW, K_FG, K_A, TAU, TAU_A = (
 LAG = 2 * np.pi * 1.5
 
 
-FELT = {f"otoliths {o}" for o in ("gravity", "rate", "acceleration")}
-
-
-@case("InternalModel", feedthrough=FELT | {"canals gravity", "canals rate"})
+@case("InternalModel")
 def internal_model(x, otoliths, canals):
     expected, unused, gravity, low_pass, cupula = np.split(x, [3, 4, 7, 10])
     axis = np.cross(otoliths, expected)
@@ -307,7 +297,7 @@ def internal_model(x, otoliths, canals):
     return {"gravity": gravity, "rate": rate, "acceleration": 9.81 * felt}, np.concatenate(change)
 
 
-@case("OrientationObserver", scales={"specific_force": 9.81}, feedthrough=set())
+@case("OrientationObserver", scales={"specific_force": 9.81})
 def orientation_observer(x, specific_force, angular_rate):
     otoliths, low_pass, cupula, nerve, inside = np.split(x, [3, 6, 9, 12])
     outputs, change = internal_model(inside, otoliths, low_pass - cupula - nerve)
