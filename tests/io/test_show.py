@@ -27,14 +27,13 @@ def screen(monkeypatch):
     return shown
 
 
-@pytest.mark.parametrize("name, suffix", [("tune", "pdf"), ("plan", "png")])
-def test_a_command_shows_and_writes_its_figure(screen, good, desk, name, suffix):
-    out = good(name, *FIGURES[name], "--show", "--out", f"new/figure.{suffix}").out
-    assert out.splitlines()[-1] == f"new/figure.{suffix} written"
+def test_a_command_shows_and_writes_its_figure(screen, good, desk):
+    out = good("tune", *FIGURES["tune"], "--show", "--out", "new/figure.pdf").out
+    assert out.splitlines()[-1] == "new/figure.pdf written"
     (path,) = (desk / "new").iterdir()
-    assert path.read_bytes().startswith(FIGURE[suffix]) and path.stat().st_size > 5_000
+    assert path.read_bytes().startswith(FIGURE["pdf"]) and path.stat().st_size > 5_000
     (figure,) = screen
-    assert (figure.axes[0].get_lines() or figure.axes[0].patches) and plt.get_fignums() == []
+    assert figure.axes[0].get_lines() and plt.get_fignums() == []
 
 
 @pytest.mark.parametrize("name", FIGURES)
