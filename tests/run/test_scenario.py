@@ -79,18 +79,15 @@ def test_torque_margin_period_and_planner_reach_the_plan(load, robot, tmp_path):
     assert make_design(load(text + "planner: retiming\n")).motion.duration > 1
 
 
-@pytest.mark.parametrize(
-    "kind, feedforward, in_use, structure, label",
-    [
+def test_feedforward_structure_and_label():
+    for kind, feedforward, *expected in (
         ("pi_id", None, "id", "pi", "pi_id"),
         ("p_pi", "none", "none", "pi", "p_pi"),
         ("pi_scheduled", "ctc", "ctc", "p_in_feedback", "pi_scheduled+ctc"),
-    ],
-)
-def test_feedforward_structure_and_label(kind, feedforward, in_use, structure, label):
-    choice = ControllerChoice(kind=kind, feedforward=feedforward)
-    found = choice.feedforward_in_use, choice.structure_in_use, choice.label
-    assert found == (in_use, structure, label)
+    ):
+        choice = ControllerChoice(kind=kind, feedforward=feedforward)
+        found = choice.feedforward_in_use, choice.structure_in_use, choice.label
+        assert found == tuple(expected)
 
 
 PROJECT = """robot: robots/own.sdf
