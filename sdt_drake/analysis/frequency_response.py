@@ -12,7 +12,7 @@ from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary, by_joint, face, joint_count
+from sdt_drake.io.shown import Shown, Summary, by_joint, face, formatted, joint_count
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
 
@@ -98,6 +98,11 @@ class FrequencyResponse(Shown):
 
     def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
         """Return the columns of a table by joint: header, format, values (NaN: there is none)."""
+
+        def in_words(margins: Array) -> NDArray[np.str_]:
+            texts = [formatted(margin, ".1f") for margin in margins]
+            return np.where(np.isnan(margins) & self.stable, "unlimited", texts)
+
         rise, fall = self.gain_margins_db
         return [
             ("bandwidth [rad/s]", ".2f", self.bandwidth),
@@ -105,8 +110,8 @@ class FrequencyResponse(Shown):
             ("at [rad/s]", ".2f", self.peak_omega),
             ("crossover [rad/s]", ".2f", self.crossover),
             ("phase margin [deg]", ".1f", self.phase_margin),
-            ("gain margin [dB]", ".1f", rise),
-            ("downwards [dB]", ".1f", fall),
+            ("gain margin [dB]", "", in_words(rise)),
+            ("gain may fall by [dB]", "", in_words(-fall)),
             ("modulus margin", ".3f", self.modulus_margin),
             ("damping ratio", ".3f", self.damping),
             ("stable", "", np.where(self.stable, "yes", "no")),

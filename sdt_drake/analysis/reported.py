@@ -125,8 +125,8 @@ def verdict_of_all(rows: Sequence[Judged]) -> str:
     }
     both = [m for m in models if all(m in passing[group] for group in GROUPS)]
     each = "; ".join(f"{group}: {listed(names) or 'none'}" for group, names in passing.items())
-    who = f"{listed(both)} pass" if both else "No parameter set passes"
-    return f"{who} both groups of reported motions ({each})."
+    subject = f"{listed(both)} pass" if both else "No parameter set passes"
+    return f"{subject} both groups of reported motions ({each})."
 
 
 def _judged(text: Mapping[str, Any], predicted: Mapping[str, float]) -> Judged:

@@ -10,7 +10,6 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.results import RESULT_TABLES
-from sdt_drake.io.shown import formatted
 
 if TYPE_CHECKING:
     from sdt_drake.analysis.frequency_response import FrequencyResponse
@@ -69,17 +68,12 @@ def run(
 
 
 def _columns(response: FrequencyResponse) -> list[tuple[str, str, Iterable[Any]]]:
-    """Return the columns of the table, with the bandwidth also in Hz and margins in words."""
+    """Return the columns of the table, with the bandwidth also in Hz."""
     import numpy as np
 
     columns: list[tuple[str, str, Iterable[Any]]] = []
     for header, spec, values in response.columns():
-        if header in ("gain margin [dB]", "downwards [dB]"):
-            texts = [formatted(value, spec) for value in values]
-            unlimited = np.isnan(values) & response.stable
-            columns.append((header, "", np.where(unlimited, "unlimited", texts)))
-        else:
-            columns.append((header, spec, values))
+        columns.append((header, spec, values))
         if header == "bandwidth [rad/s]":
             columns.append(("[Hz]", ".3f", values / (2 * np.pi)))
     return columns
@@ -92,7 +86,7 @@ def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:
     if not response.stable.all():
         joints = ", ".join(robot.joint(k) for k in np.flatnonzero(~response.stable).tolist())
         return f"unstable: {joints}"
-    said = ["stable"]
+    parts = ["stable"]
     gain = 20 * np.log10(response.gain_margin)
     for name, values, unit in (
         ("phase margin", response.phase_margin, "deg"),
@@ -100,9 +94,9 @@ def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:
         ("bandwidth", response.bandwidth, "rad/s"),
     ):
         if np.isinf(values).all():
-            said.append(f"{name} unlimited")
+            parts.append(f"{name} unlimited")
         elif not np.isnan(values).all():
             k = int(np.nanargmin(values))
             hertz = f" = {values[k] / (2 * np.pi):.3g} Hz" if unit == "rad/s" else ""
-            said.append(f"smallest {name} {values[k]:.4g} {unit}{hertz} ({robot.joint(k)})")
-    return ", ".join(said)
+            parts.append(f"smallest {name} {values[k]:.4g} {unit}{hertz} ({robot.joint(k)})")
+    return ", ".join(parts)

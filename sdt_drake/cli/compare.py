@@ -83,5 +83,5 @@ def _ranking(compared: Comparison) -> str:
     """Return the controllers with the smallest and the largest speed error."""
     errors = {c.label: float(c.tracking.max_abs_speed_error.max()) for c in compared}
     best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)
-    said = f"; {best} follows best, with speed errors up to {errors[best]:.4g} rad/s"
-    return said + (f" ({worst}: {errors[worst]:.4g} rad/s)" if best != worst else "")
+    verdict = f"; {best} follows best, with speed errors up to {errors[best]:.4g} rad/s"
+    return verdict + (f" ({worst}: {errors[worst]:.4g} rad/s)" if best != worst else "")

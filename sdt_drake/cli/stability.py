@@ -99,13 +99,13 @@ def run(
 def _verdict(own: Array, limit: Array, names: Sequence[str]) -> str:
     """Return whether the scenario's own gains are stable, and the ratios that show it."""
     beyond = own >= limit
-    told = (
+    descriptions = (
         f"joint {k + 1} '{name}' (omega_n / omega_r = {own[k]:.3f}, unstable from {limit[k]:.3f})"
         for k, name in enumerate(names)
         if beyond[k]
     )
     if beyond.any():
-        return f"the scenario's own gains are unstable for {', '.join(told)}"
+        return f"the scenario's own gains are unstable for {', '.join(descriptions)}"
     k = int((limit / own).argmin())
     least = "" if limit[k] == float("inf") else f", unstable from {limit[k]:.3f} (joint {k + 1})"
     return f"the scenario's own gains are stable at omega_n / omega_r = {own[k]:.3f}{least}"

@@ -85,8 +85,8 @@ def finite(shape: str) -> Kind:
         except (TypeError, ValueError):
             array = np.array(np.nan)
         if array.ndim != shape.count(",") + (not shape.endswith(",)")) or not array.size:
-            told = f"of shape {array.shape}" if array.ndim else one_line(value)
-            raise InputError(f"{told}, expected numbers of shape {shape}", place=name)
+            given = f"of shape {array.shape}" if array.ndim else one_line(value)
+            raise InputError(f"{given}, expected numbers of shape {shape}", place=name)
         for place in np.argwhere(~np.isfinite(array)):
             where = ", ".join(map(str, place))
             raise InputError(

@@ -199,10 +199,10 @@ def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
         InputError: the value has another type.
     """
     if not isinstance(value, kind):
-        told = f"a {type(value).__name__}"
+        given = f"a {type(value).__name__}"
         if isinstance(value, type):
-            told = f"the class {value.__name__}"
-        raise InputError(f"{told}, expected a {kind.__name__}, as {made_by} makes it", place=where)
+            given = f"the class {value.__name__}"
+        raise InputError(f"{given}, expected a {kind.__name__}, as {made_by} makes it", place=where)
 
 
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:

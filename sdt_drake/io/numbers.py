@@ -277,6 +277,6 @@ def _bad_line(
             if column not in skipped and not is_number(cell):
                 expected = f", expected points in the numbers{or_else}"
                 expected *= is_number(cell.replace(",", "."))
-                told = f"'{cell.strip()}' is not a number{expected}"
-                return InputError(f"{path}, line {number}: {told}")
+                wrong = f"'{cell.strip()}' is not a number{expected}"
+                return InputError(f"{path}, line {number}: {wrong}")
     return InputError(f"{path}: not a table of numbers")

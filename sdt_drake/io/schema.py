@@ -131,7 +131,7 @@ def expected(node: Schema, *, unit: bool = True) -> str:
         return models.replace("mappings", "a mapping")
     if "enum" in node:
         return f"one of {', '.join(filter(None, node['enum']))}"
-    told = _bounds(node, unit=unit)
+    bounds = _bounds(node, unit=unit)
     if "array" in node["type"]:
         items = node["items"]
         if "enum" in items:
@@ -143,14 +143,14 @@ def expected(node: Schema, *, unit: bool = True) -> str:
     if node["type"] == "boolean":
         return "true or false"
     such = f", such as {', '.join(node['examples'])}" if "examples" in node else ""
-    return f"a {_TYPES[node['type']]}{told}{such}"
+    return f"a {_TYPES[node['type']]}{bounds}{such}"
 
 
 def _bounds(node: Schema, *, unit: bool) -> str:
     """Return the limits of a number: " > 0 and <= 1 [s]"."""
-    told = [f"{sign} {node[name]:.12g}" for sign, name in _BOUNDS.items() if name in node]
+    bounds = [f"{sign} {node[name]:.12g}" for sign, name in _BOUNDS.items() if name in node]
     has_unit = unit and node.get("unit", "-") != "-"
-    return f" {' and '.join(told)}" * bool(told) + (f" [{node['unit']}]" if has_unit else "")
+    return f" {' and '.join(bounds)}" * bool(bounds) + (f" [{node['unit']}]" if has_unit else "")
 
 
 def _models(node: Schema) -> str:

@@ -54,11 +54,11 @@ class Shown:
     def _repr_html_(self) -> str:
         """Return the summary as HTML, for notebooks."""
         title, header, rows, _ = self.summary()
-        told = f"<b>{type(self).__name__}</b> {html.escape(title)}"
+        heading = f"<b>{type(self).__name__}</b> {html.escape(title)}"
         lines = [[f"<th>{html.escape(name)}</th>" for name in header]]
         lines += [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in rows]
         table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in lines)
-        return f"<p>{told}</p><table>{table}</table>" if rows else f"<p>{told}</p>"
+        return f"<p>{heading}</p><table>{table}</table>" if rows else f"<p>{heading}</p>"
 
 
 def listed(texts: Sequence[str]) -> str:

@@ -96,15 +96,18 @@ def _fields(topic: str, title: str, note: str = "") -> Chapter:
 
 def _recording() -> Chapter:
     (columns,) = parts(Recording)
-    told = {entry.name: (entry.unit, entry.meaning) for entry in columns.entries}
-    told["speed_error"] = ("rad/s, joint side", "v - v_ref.")
+    meaning = {entry.name: (entry.unit, entry.meaning) for entry in columns.entries}
+    meaning["speed_error"] = ("rad/s, joint side", "v - v_ref.")
     text = (
         "`simulate --out run.csv` writes a recording, and `pilot` and `view` read it. It has a row "
         "for each interpolation period. Column `name_k` belongs to joint k, base to tip; .parquet "
         "files have the same columns, and .mat files a matrix `name` with a column per joint. "
         "Signed errors are achieved less planned, here and everywhere in the package."
     )
-    rows = [("time", *told["time"]), *((f"{name}_k", *told[name]) for name in RECORDED_COLUMNS)]
+    rows = [
+        ("time", *meaning["time"]),
+        *((f"{name}_k", *meaning[name]) for name in RECORDED_COLUMNS),
+    ]
     return Chapter("Recordings", [Sheet("", text, ("column", "unit", "meaning"), rows)])
 
 

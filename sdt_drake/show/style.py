@@ -73,7 +73,9 @@ LOOKS = {
 }
 """The looks of the reference and of each controller, the same in all figures.
 
-The reference is blue, PI red and PI + CTC green, as in the paper."""
+The reference is blue, PI red and PI + CTC green, as in the paper. In figures of one run, blue is
+also what was measured, red what was achieved, identified or simulated, green an error or a
+sensation, black the torque of a motor, and grey a limit."""
 
 _DASHES: tuple[Dashes, ...] = ("-", "--", "-.", ":")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")

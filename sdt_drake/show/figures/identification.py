@@ -9,6 +9,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.machine.identify.model import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.device import friction_parameters, sliding_friction
+from sdt_drake.show.figures.scope import ERROR
 from sdt_drake.show.panels import Line, Panel, over_time, picture
 from sdt_drake.show.style import PALETTE, Look, joint_title
 
@@ -30,10 +31,14 @@ def torques_figure(found: Identified) -> Figure:
         ("identified", PREDICTED, found.predicted),
         ("file as it is", NOMINAL, eq.nominal),
     ]
-    left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
+    left = [("measured - identified", ERROR, eq.tau - found.predicted)]
     names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
-    torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
-    errors = over_time("not explained [N m]", time, left, marked=held, marked_label=why)
+    torques = over_time(
+        "torque [N m], joint side", time, lines, names, marked=held, marked_label=why
+    )
+    errors = over_time(
+        "not explained\n[N m], joint side", time, left, marked=held, marked_label=why
+    )
     return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
 
 
@@ -51,8 +56,8 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
         v = eq.v[order, k]
         left = (eq.tau - found.predicted)[order, k]
         errors.append(
-            Panel(joint_title(k, name), "speed [rad/s]", "not explained [N m]", v,
-                  [Line("measured - identified", MEASURED, left, dots=True)])
+            Panel(joint_title(k, name), "speed [rad/s]", "not explained\n[N m], joint side", v,
+                  [Line("measured - identified", ERROR, left, dots=True)])
         )  # fmt: skip
         grid = np.linspace(v[0], v[-1], 400)
         terms = estimate.laws[k].terms
@@ -65,7 +70,7 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
             Line("friction in table and scenario", MEASURED, in_files[:, k]),
             Line("friction of the fit", PREDICTED, torque),
         ]
-        laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
+        laws.append(Panel("", "speed [rad/s]", "friction [N m], joint side", grid, law))
     return picture(
         f"{identification_title(found)}: torque not explained, and friction, over speed",
         [errors, laws],

@@ -82,8 +82,8 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
 def percept(title: str, felt: Percept) -> Figure:
     """Draw felt attitude, felt and true rotation, and felt acceleration."""
     attitude = [
-        Line("felt roll, + right", Look(PALETTE[3]), np.degrees(felt.roll)),
-        Line("felt pitch, + nose up", Look(PALETTE[4]), np.degrees(felt.pitch)),
+        Line("felt roll, + right", Look(PALETTE[3], "--"), np.degrees(felt.roll)),
+        Line("felt pitch, + nose up", Look(PALETTE[4], "--"), np.degrees(felt.pitch)),
     ]
     panels = [Panel("attitude", "time [s]", "angle [deg]", felt.time, attitude, note=CAUTION)]
     for k, name in enumerate(_ROTATIONS):

@@ -21,7 +21,8 @@ def replay_figure(replay: Replay) -> Figure:
             ("recorded", RECORDED, metric.factor * measured),
             ("simulated", SIMULATED, metric.factor * simulated),
         ]
-        columns.append(over_time(metric.label, time, lines, () if columns else names))
+        label = f"{metric.label}, motor side" if name == "torque" else metric.label
+        columns.append(over_time(label, time, lines, () if columns else names))
     return picture(f"{replay_title(replay)}: recorded and simulated", columns)
 
 

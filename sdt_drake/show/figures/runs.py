@@ -27,6 +27,7 @@ from sdt_drake.robot.head import has_head
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401
+from sdt_drake.show.figures.scope import MOTOR_TORQUE
 from sdt_drake.show.figures.scope import scope as scope
 from sdt_drake.show.panels import LIMIT, over_time, picture
 from sdt_drake.show.style import (
@@ -66,7 +67,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
     """Draw step responses of the speed loop by structure, with their metrics (Figure 4)."""
     looks = {
         "pi": (PALETTE[1], "PI on the error"),
-        "p_in_feedback": (PALETTE[0], "P in the feedback path"),
+        "p_in_feedback": (PALETTE[6], "P in the feedback path"),
     }
     with style():
         figure = Picture(figsize=(6.4, 4), layout="constrained")
@@ -127,10 +128,12 @@ def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Fig
     lines = [
         ("limits, widened by the alleviating torque", LIMIT, upper),
         ("_lower", LIMIT, lower),
-        ("load torque", Look(PALETTE[0]), recording.load_torque),
-        ("motor torque", Look(PALETTE[1]), recording.tau),
+        ("load torque", Look(PALETTE[5]), recording.load_torque),
+        ("motor torque", MOTOR_TORQUE, recording.tau),
     ]
-    return picture(title, [over_time("torque [N m]", recording.time, lines, robot.joint_names)])
+    return picture(
+        title, [over_time("torque [N m], motor side", recording.time, lines, robot.joint_names)]
+    )
 
 
 def effective_inertia(
@@ -270,7 +273,6 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
         ("speed over its reference", response.tracking, response.bandwidth, -3, 20),
         (f"loop, cut at {response.cut}", response.loop_gain, response.crossover, 0, 60),
     )
-    columns_by_header = {header: values for header, _, values in response.columns()}
     joints = [joint_title(k, name) for k, name in enumerate(joint_names)]
     with style():
         figure, axes = grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
@@ -292,9 +294,14 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
             phase.margins(x=0)
             plain_numbers(phase.xaxis)
         _mark_margins(axes[:, 1], response, degrees)
-        quantities = ("bandwidth [rad/s]", "gain margin [dB]", "phase margin [deg]")
-        for ax, name in zip((*axes[0], axes[1, 1]), quantities, strict=True):
-            ax.set_title(_of_joints(name, columns_by_header[name]), loc="right")
+        rise = response.gain_margins_db[0]
+        quantities = {
+            "bandwidth [rad/s]": response.bandwidth,
+            "gain margin [dB]": np.where(np.isnan(rise) & response.stable, np.inf, rise),
+            "phase margin [deg]": response.phase_margin,
+        }
+        for ax, (name, of_joints) in zip((*axes[0], axes[1, 1]), quantities.items(), strict=True):
+            ax.set_title(_of_joints(name, of_joints), loc="right")
         return finish(figure, title)
 
 

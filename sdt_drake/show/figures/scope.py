@@ -17,7 +17,7 @@ from sdt_drake.show.panels import LIMIT, Line, Lines, Panel, over_time, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, joint_title
 
 ACHIEVED = Look(PALETTE[1], "--")
-_ERROR, _TORQUE = Look(PALETTE[2]), Look(PALETTE[6])
+ERROR, MOTOR_TORQUE = Look(PALETTE[2]), Look(PALETTE[6])
 
 
 def scope(
@@ -53,7 +53,7 @@ def joint_columns(
         design: its design, or None.
         joint_names: n names for the titles; () for columns without titles.
     """
-    run, torques = recording, [("motor torque", _TORQUE, recording.tau)]
+    run, torques = recording, [("motor torque", MOTOR_TORQUE, recording.tau)]
     if design is not None:
         lower, upper = limits_along(run, design)
         limits = [("limits of the motor", LIMIT, upper), ("_lower limit", LIMIT, lower)]
@@ -68,9 +68,9 @@ def joint_columns(
 
     rows = [
         row("speed [rad/s]", speeds, joint_names),
-        row("speed error [rad/s]", [("error", _ERROR, run.speed_error)]),
-        row("position error [deg]", [("error", _ERROR, np.degrees(run.position_error))]),
-        row("motor torque [N m]", torques),
+        row("speed error [rad/s]", [("error", ERROR, run.speed_error)]),
+        row("position error [deg]", [("error", ERROR, np.degrees(run.position_error))]),
+        row("torque [N m], motor side", torques),
     ]
     return list(map(list, zip(*rows, strict=True)))
 
@@ -120,11 +120,11 @@ def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
     return Panel(
         joint_title(k, design.robot.joint_names[k]),
         "motor speed [rad/s]",
-        "motor torque [N m]",
+        "torque [N m], motor side",
         speed[order],
         [
             Line("limits of the motor", LIMIT, upper),
             Line("_lower limit", LIMIT, lower),
-            Line("motor torque", _TORQUE, torque[order], dots=True),
+            Line("motor torque", MOTOR_TORQUE, torque[order], dots=True),
         ],
     )

@@ -156,8 +156,8 @@ def parameters(found: Identified, robot: Robot) -> list[Parameter]:
     ]
     of_links = base.names, units, identified.tolist(), nominal.tolist(), base.identifiable
     rows += [
-        Parameter("link", name, unit, value, None, before, said, _IN_WORDS[said])
-        for name, unit, value, before, said in zip(*of_links, strict=True)
+        Parameter("link", name, unit, value, None, before, determined, _IN_WORDS[determined])
+        for name, unit, value, before, determined in zip(*of_links, strict=True)
     ]
     for k, joint in enumerate(found.nominal.joint_names):
         part = estimate.friction_of(k)
