@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from by_hand import rk4
-from test_linear import R
+from by_hand import GEAR, rk4
 from variants import kind
 
 from sdt_drake.analysis.budget import PARTS, error_budget
@@ -59,12 +58,12 @@ def linear_loop(design, torque_at, v_ref, carried=0.0):
         def derivative(t, state):
             w, x = np.split(state, 2)
             tau = ki * x - kp * w - torque_at(t, i)
-            return np.concatenate([tau / inertia, R * v_ref[i] - w])
+            return np.concatenate([tau / inertia, GEAR * v_ref[i] - w])
 
         return derivative
 
     start = np.concatenate([np.zeros(4), carried / ki * np.ones(4)])
-    return rk4(law, start, design.motion.time, 4)[:, :4] / R
+    return rk4(law, start, design.motion.time, 4)[:, :4] / GEAR
 
 
 def test_each_part_is_the_one_by_hand(budgets):

@@ -6,9 +6,10 @@ import itertools
 
 import numpy as np
 import pytest
+from by_hand import GEAR, ROTORS
 from hypothesis import given, settings
 from strategies import GENERATORS
-from test_linear import OMEGA_R, ROTORS, R, matrices
+from test_linear import OMEGA_R, matrices
 from variants import kind
 
 from sdt_drake.analysis.frequency_response import frequency_response, unwrapped_degrees
@@ -58,8 +59,8 @@ def test_each_joint_is_judged_where_its_inertia_is_largest_with_the_others_close
     response = frequency_response(design, points=60)
     s = 1j * response.omega[:, None, None]
     spring, damper = np.diag(design.springs.stiffness), np.diag(design.springs.damping)
-    rotors, joint = np.diag(R**2 * ROTORS), spring + s * damper
-    feedback = (design.gains.kp + design.gains.ki / s[:, 0]) * R**2  # joint side
+    rotors, joint = np.diag(GEAR**2 * ROTORS), spring + s * damper
+    feedback = (design.gains.kp + design.gains.ki / s[:, 0]) * GEAR**2  # joint side
     for k, sample in enumerate(response.sample):
         assert design.torques.d_kk[sample, k] == pytest.approx(design.torques.d_kk[:, k].max())
         M, K = matrices(design.robot, design.motion.q[sample])

@@ -11,8 +11,6 @@ from sdt_drake.analysis.linear import linearise
 
 OMEGA_R = 65.991
 SAMPLES = (1000, 4776)  # at the last, joint 3 holds the most against gravity
-R = np.array([67.2, 1, 1, 1])
-ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
 
 
 # --- shared with the other tests of this folder -------------------------------------------------

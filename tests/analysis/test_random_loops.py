@@ -5,10 +5,11 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+from by_hand import GEAR, ROTORS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import GENERATORS
-from test_linear import ROTORS, R, moving, same, two_masses
+from test_linear import moving, same, two_masses
 from variants import kind, overruled, weaker
 
 from sdt_drake.analysis.frequency_response import frequency_response
@@ -62,7 +63,7 @@ def test_loops_are_those_of_python_control(
     )
     fields = kind("pi", structure=structure, **gains) | {
         "plant.i_eff": inertia.tolist(),
-        "plant.friction": Friction(viscous=(viscous * R**2).tolist()),
+        "plant.friction": Friction(viscous=(viscous * GEAR**2).tolist()),
         "plant.elasticity": elasticity or Elasticity(),
         "drive": drive,
     }

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_linear import (
-    OMEGA_R,
-    ROTORS,
-    cascade_map,
-    moving,
-    two_masses,
-)
+from by_hand import ROTORS
+from scipy.optimize import brentq
+from test_linear import OMEGA_R, cascade_map, moving, two_masses
 from variants import kind
 
 from sdt_drake.analysis.stability import least_damping, stability_sweep
@@ -24,18 +20,6 @@ SOME = np.array([0.1, 0.3, 0.5, 0.7, 1.0, 1.5])
 @pytest.fixture(scope="module")
 def design(designed):
     return designed("coupled_pi")
-
-
-def unstable_from(damping_at, ratios=SOME):
-    """Where the damping first changes its sign, found to 1e-9."""
-    first = next((i for i, ratio in enumerate(ratios) if damping_at(ratio) < 0), None)
-    if first is None:
-        return np.inf
-    low, high = (ratios[first - 1] if first else 1e-6), ratios[first]
-    while high - low > 1e-9:
-        middle = (low + high) / 2
-        low, high = (low, middle) if damping_at(middle) < 0 else (middle, high)
-    return high
 
 
 POSITION_GAIN = [3.0, 5.0, 7.0, 20.0]
@@ -80,7 +64,10 @@ def test_modes_and_overshoot_are_those_of_the_map_by_hand(
 
         expected = [damping_at(ratio) for ratio in SOME]
         np.testing.assert_allclose(sweep.damping[:, k], expected, atol=1e-6)
-        assert sweep.unstable_from[k] == pytest.approx(unstable_from(damping_at), abs=1e-3)
+        unstable, border = np.flatnonzero(np.array(expected) < 0), np.inf
+        if len(unstable):
+            border = brentq(damping_at, [1e-6, *SOME][unstable[0]], SOME[unstable[0]])
+        assert sweep.unstable_from[k] == pytest.approx(border, abs=1e-3)
         for i, ratio in enumerate(SOME if is_cascade else ()):
             if sweep.damping[i, k] > 0:
                 (A, B, k_v), x, speeds = over_a_period(ratio), np.zeros(5), []
