@@ -28,6 +28,8 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.io.yaml_files import load_yaml, yaml_text
 from sdt_drake.machine.drive_files import load_drives
+from sdt_drake.machine.fly.flight import load_flight_columns, read_flight
+from sdt_drake.machine.recordings import load_columns
 from sdt_drake.motion import load_profile
 from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.robot.robot import load_robot
@@ -39,6 +41,10 @@ from sdt_drake.studies.study import read_study
 TIME, Q = np.arange(5) * 0.005, np.zeros((5, 4))
 ABOUT = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
 ABOUT |= {"files": {}, "contents": {}}
+
+
+FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n"
+FLIGHT += "".join(f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9))
 
 
 def yaml(name: str) -> bytes:
@@ -66,6 +72,9 @@ READERS = {
     "profile.yaml": (yaml("motions/leans.yaml"), load_profile),
     "drives.yaml": (yaml("drives.yaml"), lambda path: load_drives(path, 4)),
     "study.yaml": (yaml("studies/monte_carlo.yaml"), read_study),
+    "columns.yaml": (b"time: t\nq: [a, b]\ndelimiter: semicolon\n", load_columns),
+    "recorder.yaml": (yaml("flights/recorder.yaml"), load_flight_columns),
+    "flight.csv": (FLIGHT.encode(), read_flight),
     "robot.sdf": (ARM.encode(), load_robot),
     "robot.urdf": (URDF.encode(), load_robot),
     "table.csv": table("table.csv"),
