@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections import namedtuple
 from pathlib import Path
 
 import pytest
@@ -29,25 +28,8 @@ SMALL_TEXTURES = """
     return name === this.MAX_TEXTURE_SIZE ? 256 : parameter.call(this, name);
   };
 """
+OpenPage = namedtuple("OpenPage", "page errors requests")
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-
-
-@dataclass
-class OpenPage:
-    """A page that is open.
-
-    Attributes:
-        page: Playwright's page.
-        errors: console errors and uncaught exceptions so far.
-        requests: addresses outside the page's own file that it asked for; all are refused.
-    """
-
-    page: object
-    errors: list[str] = field(default_factory=list)
-    requests: list[str] = field(default_factory=list)
-
-    def __iter__(self):
-        return iter((self.page, self.errors, self.requests))
 
 
 @pytest.fixture(scope="session")
@@ -68,20 +50,16 @@ def browser():
 
 @pytest.fixture(scope="session")
 def open_page(browser):
-    """Opens a local HTML file: `with open_page(path) as (page, errors, requests)`."""
+    """Opens a local HTML file: `with open_page(path) as (page, errors, requests)`.
+
+    These are Playwright's page, console errors and uncaught exceptions so far, and addresses
+    outside the page's own file that it asked for; all of them are refused.
+    """
     return functools.partial(_open_page, browser)
 
 
 @contextlib.contextmanager
-def _open_page(
-    browser,
-    path: str | Path,
-    *,
-    width: int = 1280,
-    height: int = 800,
-    dark: bool = False,
-    javascript: bool = True,
-) -> Iterator[OpenPage]:
+def _open_page(browser, path, *, width=1280, height=800, dark=False, javascript=True):
     address = Path(path).resolve().as_uri()
     page = browser.new_page(
         viewport={"width": width, "height": height},
@@ -90,22 +68,22 @@ def _open_page(
         device_scale_factor=SCALE,
     )
     page.add_init_script(SMALL_TEXTURES)
-    opened = OpenPage(page)
+    errors, requests = [], []
 
     def answer(route) -> None:
         url = route.request.url
         if url.split("#")[0] == address or url.startswith(("data:", "blob:")):
             route.continue_()
         else:
-            opened.requests.append(url)
+            requests.append(url)
             route.abort()
 
-    page.on("console", lambda m: m.type == "error" and opened.errors.append(m.text))
-    page.on("pageerror", lambda error: opened.errors.append(str(error)))
-    page.on("websocket", lambda socket: opened.requests.append(socket.url))
+    page.on("console", lambda m: m.type == "error" and errors.append(m.text))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("websocket", lambda socket: requests.append(socket.url))
     page.route("**/*", answer)
     try:
         page.goto(address)
-        yield opened
+        yield OpenPage(page, errors, requests)
     finally:
         page.close()

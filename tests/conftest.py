@@ -31,6 +31,12 @@ def pytest_configure(config):
             config.pluginmanager.import_plugin(name)
 
 
+def pytest_collection_modifyitems(items):
+    """Put first what the slowest fixtures are for: one worker makes them, beside the others."""
+    slow = {"reproduced", "reproduction", "on_wrong_model"}
+    items.sort(key=lambda item: slow.isdisjoint(item.fixturenames))
+
+
 # --- every test ------------------------------------------------------------------------------
 
 
@@ -210,19 +216,26 @@ def designed(_reference_design):
 
 @pytest.fixture(scope="session")
 def _reproduced(once):
-    """What one run of `sdt-drake reproduce` has written and computed."""
+    """What one run of `sdt-drake reproduce` has written and computed; its .png are empty."""
+    from matplotlib.figure import Figure
+
     from sdt_drake.analysis import reproduction as module
     from sdt_drake.cli.app import main
+    from sdt_drake.show import style
 
     def make(folder):
-        computed, reproduce = [], module.reproduce
+        computed, reproduce, save = [], module.reproduce, style.save
 
         def keep(watch):
             computed.append(reproduce(watch))
             return computed[0]
 
+        def save_pages(figure, path):  # the same figure, drawn twice, takes seconds
+            return save(Figure() if path.suffix == ".png" else figure, path)
+
         with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()):
             patch.setattr(module, "reproduce", keep)
+            patch.setattr(style, "save", save_pages)
             assert main(["reproduce", "--out", str(folder)]) == 0
         return folder, computed[0]
 
@@ -239,3 +252,23 @@ def reproduced(_reproduced):
 def reproduction(_reproduced):
     """The paper recomputed, in memory; do not change it."""
     return _reproduced[1]
+
+
+@pytest.fixture(scope="session")
+def on_wrong_model(once):
+    """Runs of the scenario wrong_model by label of the controller; do not change them."""
+    from sdt_drake.analysis.comparison import compare
+    from sdt_drake.run.scenario import load_scenario
+
+    labels = ["pi", "pi_ctc", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics"]
+
+    def make(_):
+        return {run.label: run for run in compare(load_scenario("wrong_model"), labels)}
+
+    return once("wrong_model", make)
+
+
+@pytest.fixture(scope="session")
+def on_exact_model(reproduction):
+    """Runs of the scenario coupled_pi by label of the controller; do not change them."""
+    return {run.label: run for run in reproduction.beyond}

@@ -16,9 +16,9 @@ def content_of(png: Path) -> dict:
     return json.loads(Image.open(png).text["Comment"])
 
 
-def check_same(drawn: Path, committed: Path) -> None:
-    """Two PNG say the same but for numbers, and show the same: see `check_same_numbers`."""
-    shown, expected = map(content_of, (drawn, committed))
+def check_same(shown: dict, committed: Path) -> None:
+    """A PNG says the same but for numbers, and shows the same: see `check_same_numbers`."""
+    expected = content_of(committed)
     for one, other in zip(shown["texts"], expected["texts"], strict=True):
         assert re.sub(r"\d[\d.]*", "#", one) == re.sub(r"\d[\d.]*", "#", other), committed.name
     check_same_numbers(shown["numbers"], expected["numbers"], committed.name)
@@ -34,8 +34,11 @@ def check_same_numbers(shown: list, expected: list, name: str) -> None:
 
 def legend_texts(figure) -> list[str]:
     """Of all legends of a figure."""
-    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
-    return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
+    return [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
+
+
+def _legends(figure) -> list:
+    return list(filter(None, [*figure.legends, *(ax.get_legend() for ax in figure.axes)]))
 
 
 # --- a figure as text ------------------------------------------------------------------------
@@ -46,18 +49,14 @@ def described(figure) -> str:
 
     Numbers have three digits; those below a millionth of the largest of their kind are 0.
     """
-    title = figure.get_suptitle()
-    return (
-        "\n\n".join([title, "legend: " + "; ".join(_handles(figure)), *map(_panel, figure.axes)])
-        + "\n"
-    )
+    legend = "legend: " + "; ".join(_handles(figure))
+    return "\n\n".join([figure.get_suptitle(), legend, *map(_panel, figure.axes)]) + "\n"
 
 
 def _handles(figure) -> list[str]:
-    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
     return [
         f"{text.get_text()} ({_look(handle)})"
-        for legend in filter(None, legends)
+        for legend in _legends(figure)
         for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
     ]
 
@@ -66,13 +65,10 @@ def _panel(ax) -> str:
     titles = [ax.get_title(loc) for loc in ("left", "center", "right")]
     rows = [" | ".join(filter(None, titles)) or "-"]
     for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
-        ticks = (
-            [x.get_text() for x in axis.get_ticklabels()] if axis.get_scale() == "linear" else []
-        )
-        named = [x for x in ticks if re.search("[a-z]", x)]
-        rows.append(
-            f"{name}: {axis.get_label_text()!r} {axis.get_scale()} {' '.join(named)}".strip()
-        )
+        scale = axis.get_scale()
+        ticks = [x.get_text() for x in axis.get_ticklabels()] if scale == "linear" else []
+        named = " ".join(x for x in ticks if re.search("[a-z]", x))
+        rows.append(f"{name}: {axis.get_label_text()!r} {scale} {named}".strip())
     rows += [f"line {_called(x)}({_look(x)}) {_points(*x.get_data())}" for x in ax.lines]
     boxes = [x for x in ax.patches if hasattr(x, "get_width")]
     rows += [f"box {_called(x)}({_look(x)}) {_numbers(x.get_bbox().extents)}" for x in boxes[:12]]

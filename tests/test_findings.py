@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.comparison import Compared, compare
+from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.illusions import feel, felt_apart
 from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
-from sdt_drake.cli import app as cli
 from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.flights import learn
 from sdt_drake.machine.learn.loops import loops_of
-from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.runs import Runner
@@ -30,6 +26,9 @@ from sdt_drake.studies.verdicts import judge_candidates, recommend
 DIAGRAMS = Path(__file__).parents[1] / "diagrams"
 FINDINGS = (DIAGRAMS / "README.md").read_text(encoding="utf-8")
 STUDIES = DIAGRAMS / "studies"
+SIZING, _ = load_sizing("sizing")
+SMALLER = "AC-150, TM-2860, TM-1430, TM-716 at structure scale 0.8"
+FAMILIES = "max_abs_speed_error", "max_abs_position_error", "saturated_fraction"
 COARSE = 1e-3  # ten times as coarse as usual: the digits that are told are the same
 
 
@@ -39,25 +38,15 @@ def rows_of_table(header: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
-def labels_of(rows: list[list[str]]) -> list[str]:
-    return [re.match(r"`(.*?)`", row[0])[1] for row in rows]
+def runs_of(runs: dict[str, Compared], rows: list[list[str]]) -> list[Compared]:
+    """The runs with the controllers of a table."""
+    return [runs[re.match(r"`(.*?)`", row[0])[1]] for row in rows]
 
 
-def runs_of(reproduction, rows: list[list[str]]) -> list[Compared]:
-    """The runs of the reference device with the controllers of a table."""
-    runs = {run.label: run for run in reproduction.beyond}
-    return [runs[label] for label in labels_of(rows)]
-
-
-@pytest.mark.parametrize("scenario", ["coupled_pi", "wrong_model"])
-def test_table_of_controllers_is_what_compare_finds(reproduction, scenario):
-    rows, first = rows_of_table("controller | position"), 1 if scenario == "coupled_pi" else 3
-    if scenario == "coupled_pi":
-        runs = runs_of(reproduction, rows)
-    else:
-        design = make_design(load_scenario(scenario))
-        runs = compare(design, labels_of(rows))
-    for row, found in zip(rows, runs, strict=True):
+@pytest.mark.parametrize("scenario, first", [("on_exact_model", 1), ("on_wrong_model", 3)])
+def test_table_of_controllers_is_what_compare_finds(request, scenario, first):
+    rows = rows_of_table("controller | position")
+    for row, found in zip(rows, runs_of(request.getfixturevalue(scenario), rows), strict=True):
         position = np.rad2deg(found.tracking.max_abs_position_error)
         told = np.array(row[first].split(), dtype=float)
         np.testing.assert_allclose(told, position, atol=5.1e-4, err_msg=row[0])
@@ -96,18 +85,23 @@ def test_sampled_drives_on_elastic_joints_are_unstable_from(designed):
     assert "0.27" in FINDINGS and "0.47" in FINDINGS
 
 
-def test_table_of_what_is_felt_is_what_compare_finds(reproduction):
+def test_table_of_what_is_felt_is_what_compare_finds(on_exact_model):
     rows = rows_of_table("controller | share of time")
-    for row, found in zip(rows, runs_of(reproduction, rows), strict=True):
+    wanted = feel(on_exact_model["pi"].head.reference, 0.005, "clark2019")
+    for row, found in zip(rows, runs_of(on_exact_model, rows), strict=True):
         head = found.head
         shares = 100 * head.felt.share, 100 * head.felt_from_angles.share
         assert [float(cell) for cell in row[1:3]] == pytest.approx(shares, abs=0.051)
-        felt = (feel(motion, 0.005, "clark2019") for motion in (head.reference, head.achieved))
-        changes = np.degrees(felt_apart(*felt))
+        changes = np.degrees(felt_apart(wanted, feel(head.achieved, 0.005, "clark2019")))
         assert [float(cell) for cell in row[3:]] == pytest.approx(changes, abs=0.0051)
 
 
 # --- studies, from the rows that are committed ---------------------------------------------------
+
+
+def worst(table, family: str) -> np.ndarray:
+    """The largest outcome of all joints, by run."""
+    return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
 
 
 def test_table_of_the_study_is_what_its_rows_say():
@@ -116,47 +110,45 @@ def test_table_of_the_study_is_what_its_rows_say():
     assert f"{len(table.row)} runs of the reference motion" in FINDINGS
     assert f"Errors of {len(table.row) // 4} devices" in FINDINGS
 
-    def worst(family):
-        return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
+    def percentiles(values, digits):  # what half and 95 % of the runs do not exceed
+        rows = [math.ceil(share * len(values)) - 1 for share in (0.5, 0.95)]
+        return ", ".join(f"{value:.{digits}f}" for value in np.sort(values)[rows])
 
-    def percentiles(values):  # what half and 95 % of the runs do not exceed
-        return np.sort(values)[[math.ceil(share * len(values)) - 1 for share in (0.5, 0.95)]]
-
-    speed, angle = worst("max_abs_speed_error"), np.degrees(worst("max_abs_position_error"))
-    felt, saturated = 100 * table.outcomes["felt_share"], worst("saturated_fraction") > 0
+    controllers = table.inputs["controller"]
+    speed, angle, share = (worst(table, family) for family in FAMILIES)
+    angle, saturated, felt = np.degrees(angle), share > 0, 100 * table.outcomes["felt_share"]
     for row in rows_of_table("controller | speed error: median"):
-        of = table.inputs["controller"] == row[0].strip("`")
-        expected = [
-            ", ".join(f"{value:.3f}" for value in percentiles(speed[of])),
-            ", ".join(f"{value:.2f}" for value in percentiles(angle[of])),
+        of = controllers == row[0].strip("`")
+        assert row[1:] == [
+            percentiles(speed[of], 3),
+            percentiles(angle[of], 2),
             f"{np.median(felt[of]):.0f}",
             f"{100 * saturated[of].mean():.0f} %",
             f"{angle[of & ~saturated].max():.2f}",
-        ]
-        assert row[1:] == expected, row[0]
+        ], row[0]
     lost = (speed > 1).reshape(-1, 4)  # a device a row, in the order of the controllers
     few, many, cascade, all_ = said(
         r"(\d+) to (\d+) devices, with the cascade (\d+), lose .*? and (\d+) of them"
     )
-    by_controller = lost.sum(axis=0)
-    assert (min(by_controller[:3]), max(by_controller[:3])) == (few, many)
-    assert (by_controller[3], lost.all(axis=1).sum()) == (cascade, all_)
-    away = (angle > 360) & (table.inputs["controller"] == "p_pi+id")
-    assert (np.count_nonzero(angle > 360), np.count_nonzero(away)) == (25, 13)
+    *others, last = lost.sum(axis=0)
+    assert (min(others), max(others), last) == (few, many, cascade)
+    assert lost.all(axis=1).sum() == all_
+    away = angle > 360
+    assert (away.sum(), (away & (controllers == "p_pi+id")).sum()) == (25, 13)
 
 
 def test_recommended_motors_are_those_of_the_rows():
-    sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
-    verdicts = judge_candidates(sizing, read_study_table(STUDIES / "sizing"))
+    verdicts = judge_candidates(SIZING, read_study_table(STUDIES / "sizing"))
     for labels, motors, scale, mass, _ in rows_of_table("controller | lightest motors"):
         for label in re.findall(r"`(.*?)`", labels):
             best = recommend(verdicts, label)
             assert str(best.candidate) == f"{motors} at structure scale {scale}"
             assert best.mass == float(mass)
     missed = {v.controller: v.missed for v in verdicts if str(v.candidate) == SMALLER}
-    assert ["0.32 rad/s" in missed["pi"][0], len(missed["pi"])] == [True, 1]
-    for label, share in (("pi_id", "1.281 %"), ("p_pi+id", "1.286 %")):
-        assert [f"saturation of joint 2 is {share}" in text for text in missed[label]] == [True]
+    reasons = {"pi": "0.32 rad/s", "pi_id": "joint 2 is 1.281 %", "p_pi+id": "joint 2 is 1.286 %"}
+    for label, reason in reasons.items():
+        (only,) = missed[label]
+        assert reason in only
 
 
 def test_a_held_mean_speed_is_not_late(designed):
@@ -196,28 +188,16 @@ def test_what_springs_bend_is_what_is_left_of_the_learned(designed):
             assert 0 <= float(learned) - float(bent) <= rest
 
 
-SMALLER = "AC-150, TM-2860, TM-1430, TM-716 at structure scale 0.8"
-
-
-def test_commands_are_told_as_they_are_typed():
-    """Some take a quarter of an hour."""
-    lines = re.findall("^sdt-drake .*", FINDINGS, re.MULTILINE)
-    split = [shlex.split(line, comments=True)[1:] for line in lines]
-    for line in split:
-        cli.commands(line[0]).parse_args(line)
-    named = {" ".join(line[:2]) for line in split}
-    assert {"study monte_carlo", "study show", "size sizing", "export reference"} <= named
-    assert len(load_study("monte_carlo")[0]) == 1000
-    assert len(load_sizing("sizing")[0].study()) == 864
+def test_studies_have_as_many_runs_as_their_rows():
+    for study, name in ((load_study("monte_carlo")[0], "monte_carlo"), (SIZING.study(), "sizing")):
+        assert len(study) == len(read_study_table(STUDIES / name).row)
 
 
 def test_row_459_runs_away_without_anti_windup():
     """By its committed row; and with it, by a run."""
-    table = read_study_table(STUDIES / "monte_carlo")
+    table, runner = read_study_table(STUDIES / "monte_carlo"), Runner(*load_study("monte_carlo"))
     assert table.inputs["controller"][459] == "p_pi+id"
-    errors = [table.outcomes[f"max_abs_position_error_{k}"][459] for k in (1, 2, 3, 4)]
-    assert np.degrees(np.max(errors)) > 360
-    runner = Runner(*load_study("monte_carlo"))
+    assert worst(table, "max_abs_position_error")[459] > np.radians(360)
     scenario = runner.scenario(459, {key: x[459].item() for key, x in table.inputs.items()})
     scenario.controller.anti_windup = True
     scenario.accuracy = COARSE

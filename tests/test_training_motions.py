@@ -1,4 +1,4 @@
-"""Every shipped training motion: planned with both planners, simulated, within 0.2 deg."""
+"""Every shipped training motion: planned with both planners, drawn, and told."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ from sdt_drake.analysis.perception import canals, felt_difference
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.motion import PLANNERS, load_plan, shipped_motions, story_of
 from sdt_drake.robot.head import head_motion_of_samples
-from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.simulate import simulate
 from sdt_drake.show.figures import pilot as plots_pilot
 
 FIGURES = Path(__file__).resolve().parents[1] / "diagrams"
@@ -35,17 +32,7 @@ def test_both_planners_leave_it_as_it_is_with_motors_to_spare(robot, name):
     assert np.abs(motion.v).max() > 0.1 and not motion.v[0].any() and not motion.v[-1].any()
 
 
-def test_every_joint_stays_within_a_fifth_of_a_degree():
-    """In the shortest one."""
-    scenario = load_scenario("package://sdt/scenarios/training.yaml")
-    assert scenario.plant.kind == "coupled"
-    assert (scenario.controller.kind, scenario.controller.feedforward_in_use) == ("p_pi", "id")
-    scenario.motion = "post_roll"
-    run = simulate(make_design(scenario))
-    assert np.degrees(np.abs(run.position_error)).max() < 0.2
-
-
-@pytest.mark.parametrize("name", ["leans", "inversion", "post_roll"])
+@pytest.mark.parametrize("name", ["leans", "inversion"])
 def test_committed_figures_show_the_motions_of_today(robot, name):
     """All but the small errors of the run, for which it would have to be simulated."""
     motion = load_plan(name, robot, period=PERIOD).motion
@@ -73,14 +60,12 @@ def test_inversion_is_told_as_a_tumble_backwards(robot):
 
 
 def test_a_story_has_segments_where_their_times_are_known(robot):
-    """Of a motion that its planner has made longer, of a CSV, and from end to end, they are not."""
-
+    """Of a motion that its planner has made longer, and of one from end to end, they are not."""
     motion = load_plan("graveyard_spin", robot, period=PERIOD).motion
     spin = story_of("graveyard_spin", robot, motion)
     assert spin.title.startswith("Graveyard spin") and spin.feels
-    (start, end), *_ = [(segment.start, segment.end) for segment in spin.segments]
-    assert (start, end) == pytest.approx((2, 2 + np.pi / 2 * 90 / 15), abs=0.01)
-    longer = replace(motion, period=1.2 * PERIOD)
+    times = spin.segments[0].start, spin.segments[0].end
+    assert times == pytest.approx((2, 2 + np.pi / 2 * 90 / 15), abs=0.01)
+    longer, whole = replace(motion, period=1.2 * PERIOD), load_plan("reference", robot).motion
     assert story_of("graveyard_spin", robot, longer).segments == ()
-    whole = load_plan("reference", robot, period=PERIOD).motion
     assert story_of("reference", robot, whole).segments == ()

@@ -72,13 +72,6 @@ def test_what_drake_says_of_a_robot_is_one_line(tmp_path):
 # --- files to write -------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
-@pytest.mark.parametrize("out", ["/proc/here.csv", "/proc/nothing/here.csv", "n" * 300 + ".csv"])
-def test_a_place_without_permission_is_named_as_it_was_given(refuse, out):
-    line = refuse("plan", SHORT_MOTION, "--out", out, saying=[out[:300]], late="/proc" in out)
-    assert "partial" not in line
-
-
 def test_a_device_or_pipe_is_not_replaced_by_a_file(refuse, desk):
     """`--out /dev/null`, as root, must not turn the device into a file; here with a named pipe."""
     os.mkfifo(desk / "pipe.csv")

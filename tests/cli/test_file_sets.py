@@ -8,7 +8,6 @@ from pathlib import Path
 import command_line
 import pytest
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.machine.drive_files import FILES as EXPORTED
 from sdt_drake.machine.identify import files as identified_files
@@ -52,14 +51,6 @@ def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
     with pytest.raises(error), replacing_files(folder / ("" if there else "new/below")) as new:
         write_text(new / "a.csv", "new")
         raise error
-    assert command_line.snapshot(folder) == before
-
-
-def test_a_file_that_cannot_be_replaced_keeps_all_others(folder):
-    (folder / "below/c.csv").mkdir(parents=True)
-    before = command_line.snapshot(folder)
-    with pytest.raises(InputError, match=r"below/c.csv: is a folder, expected a file$"):
-        write(folder, "a.csv", "below/c.csv")
     assert command_line.snapshot(folder) == before
 
 

@@ -12,7 +12,6 @@ from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.show.reports.identification import FILES
 from sdt_drake.studies.study import load_study
 
 
@@ -22,10 +21,8 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, robot, tmp_pat
     write_table(path, recorded.time, recorded.signals)
     done = call("identify", "sdt", path, "--out", out, "--cutoff", "4")
     assert done.code == 0 and "base parameters of links and motors" in done.out
-    assert {path.name for path in out.iterdir()} == {*FILES} - {"motion.csv"}
     assert load_robot(out / "robot.sdf").sdf != robot.sdf
-    coulomb = load_scenario(out / "scenario.yaml").plant.friction.coulomb
-    assert coulomb is not None and len(coulomb) == 4
+    assert len(load_scenario(out / "scenario.yaml").plant.friction.coulomb) == 4
     study, base = load_study(out / "uncertainty.yaml")
     assert base.plant.deviation.along and len(study) == 100
     rows = list(csv.DictReader((out / "parameters.csv").open()))

@@ -13,7 +13,6 @@ from command_line import AXIS, snapshot
 from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import write_text
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.show.documents import REPORT
 from sdt_drake.show.paper_diagrams import DIAGRAMS
@@ -54,38 +53,14 @@ def test_files_are_replaced_foreign_ones_left_with_python_alone(
 
     after, fresh = snapshot(used), snapshot(reproduced)
     assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
-    assert {"diagrams", *FILES} >= set(fresh)
-    assert set(after) == set(fresh)
+    assert {"diagrams", *FILES} >= set(after) == set(fresh)
     for name in fresh:  # the same study gives the same bytes
-        if name.endswith((".csv", ".dot")):
-            assert after[name] == fresh[name], name
+        assert after[name] == fresh[name] or not name.endswith((".csv", ".dot")), name
     report = after["report.md"].decode()
     for name in DIAGRAMS:
         assert f"(diagrams/{name}.svg)" in report
     for link in re.findall(r"\]\(([^)]+)\)", report):
         assert (used / link).is_file(), link
-
-
-# --- the command -------------------------------------------------------------------------------
-
-
-def test_reproduce(good, refuse, desk, monkeypatch):
-    """A study that is computed and written at once: two stages, one claim, one file."""
-
-    def write_reproduction(results, folder, watch):
-        with watch.stage("first"), watch.stage("second"):
-            write_text(folder / "report.md", "report")
-        return {"claims": [{"verdict": "reproduced"}]}
-
-    reports = "sdt_drake.show.reports.paper"
-    monkeypatch.setattr(f"{reports}.findings", lambda summary: ["**A** finds `b`."])
-    monkeypatch.setattr("sdt_drake.analysis.reproduction.reproduce", lambda watch: None)
-    monkeypatch.setattr(f"{reports}_files.write_reproduction", write_reproduction)
-    out = good("reproduce").out
-    assert re.search(r"^\s+second\s+0\.\d\d s$", out, re.M)
-    assert "Of 1 claims of the paper that were computed independently: 1 reproduced." in out
-    assert "\n- A finds b.\n" in out and "\nOpen out/report.html; " in out
-    refuse("reproduce", "--out", "out/report.md", saying=["out/report.md: is a file, expected"])
 
 
 # --- reading again -------------------------------------------------------------------------------
@@ -137,7 +112,6 @@ def test_no_text_of_the_summary_becomes_a_tag(folder):
         ("summary.json", r"$", "x", "summary.json: is not JSON"),
         ("summary.json", r'"claims"', '"claim"', "has no 'claims'"),
         ("summary.json", r'"verdict": "[^"]*"', '"verdict": "so so"', "'so so'"),
-        ("figure8.svg", None, None, "figure8.svg: is missing"),
         ("figure2.svg", r"</svg>", "", "figure2.svg: is not an SVG"),
         ("diagrams/figure3.svg", None, None, "figure3.svg: is missing"),
     ],
