@@ -151,8 +151,8 @@ def stability() -> Figure:
 
 
 def identification() -> Figure:
-    """The torques that a training motion needs, and by how much the file of the device and what was
-    identified miss them.
+    """The torques that a training motion needs, and by how much the file of the device and the
+    identified robot miss them.
 
     The real device of the scenario `real_device`, with frames 8 % heavier than its file says and
     another pilot, flies exciting.yaml, which `sdt-drake excite` has made; its torques are recorded
@@ -178,17 +178,17 @@ def identification() -> Figure:
         for robot in (device, design.nominal, identified)
     )
     torques = over_time(
-        "torque [N m]",
+        "torque [N m], joint side",
         motion.time,
-        [("what the device needs", Look(PALETTE[0]), needed)],
+        [("needed by the device", Look(PALETTE[0]), needed)],
         device.joint_names,
     )
     missed = over_time(
-        "missed [N m]",
+        "missed [N m], joint side",
         motion.time,
         [
             ("missed by the file", Look(PALETTE[7], "--"), needed - file),
-            ("missed by what was identified", Look(PALETTE[1]), needed - found),
+            ("missed by the identified robot", Look(PALETTE[1]), needed - found),
         ],
     )
     for name, torque in (("file", file), ("identified", found)):
@@ -199,7 +199,7 @@ def identification() -> Figure:
 
 
 def monte_carlo(studies: Path) -> Figure:
-    title = "Devices that are not what their controllers know: share at or below an error"
+    title = "Devices that differ from their controllers' model: share at or below an error"
     outcomes = ("max_abs_speed_error", "max_abs_position_error")
     table = read_study_table(studies / "monte_carlo")
     return distributions(title, table, outcomes)
@@ -306,14 +306,14 @@ def drawn_numbers(figure: Figure) -> list[list[float]]:
 
 
 def texts(figure: Figure) -> list[str]:
-    """What a figure says: its title, titles and labels of its axes, words in them, and legends."""
-    said: list[str | Text] = [figure.get_suptitle()]
+    """Title, titles and labels of axes, words in them, and legends of a figure."""
+    words: list[str | Text] = [figure.get_suptitle()]
     for axes in figure.axes:
-        said += [axes.get_title(loc) for loc in ("left", "center", "right")]
-        said += [axes.get_xlabel(), axes.get_ylabel(), *axes.texts]
+        words += [axes.get_title(loc) for loc in ("left", "center", "right")]
+        words += [axes.get_xlabel(), axes.get_ylabel(), *axes.texts]
     for legend in (*figure.legends, *(axes.get_legend() for axes in figure.axes)):
-        said += legend.get_texts() if legend else []
-    words = (one if isinstance(one, str) else one.get_text() for one in said)
+        words += legend.get_texts() if legend else []
+    words = (one if isinstance(one, str) else one.get_text() for one in words)
     return [text for text in words if text]
 
 
