@@ -25,7 +25,7 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 def test_a_table_is_read_back_bit_by_bit(tmp_path, suffix):
     path = tmp_path / "new" / "folder" / f"table{suffix}"
 
-    @given(st.data(), st.integers(2, 6), st.integers(1, 3))
+    @given(st.data(), st.integers(2, 4), st.integers(1, 5))
     def check(data, rows, joints):  # of which some are wider than long
         values, time = arrays(float, (rows, joints), elements=NUMBERS), 0.005 * np.arange(rows)
         written = {"q": data.draw(values), "tau_cmd": data.draw(values)}
