@@ -43,15 +43,15 @@ def runs_of(runs: dict[str, Compared], rows: list[list[str]]) -> list[Compared]:
     return [runs[re.match(r"`(.*?)`", row[0])[1]] for row in rows]
 
 
-@pytest.mark.parametrize("scenario, first", [("on_exact_model", 1), ("on_wrong_model", 3)])
-def test_table_of_controllers_is_what_compare_finds(request, scenario, first):
+def test_table_of_controllers_is_what_compare_finds(on_exact_model, on_wrong_model):
     rows = rows_of_table("controller | position")
-    for row, found in zip(rows, runs_of(request.getfixturevalue(scenario), rows), strict=True):
-        position = np.rad2deg(found.tracking.max_abs_position_error)
-        told = np.array(row[first].split(), dtype=float)
-        np.testing.assert_allclose(told, position, atol=5.1e-4, err_msg=row[0])
-        speed = found.tracking.rms_speed_error[1]
-        assert float(row[first + 1]) == pytest.approx(speed, abs=5.1e-6)
+    for runs, first in ((on_exact_model, 1), (on_wrong_model, 3)):
+        for row, found in zip(rows, runs_of(runs, rows), strict=True):
+            position = np.rad2deg(found.tracking.max_abs_position_error)
+            told = np.array(row[first].split(), dtype=float)
+            np.testing.assert_allclose(told, position, atol=5.1e-4, err_msg=row[0])
+            speed = found.tracking.rms_speed_error[1]
+            assert float(row[first + 1]) == pytest.approx(speed, abs=5.1e-6)
 
 
 def said(pattern: str) -> list[float]:

@@ -34,7 +34,6 @@ def test_angles_of_a_table(desk, good, shown, other):
     good("view", "recorded.csv", "--record", "a.html", "--pilot")
     (call_,) = shown
     np.testing.assert_array_equal(call_["q"], ANGLES)
-    np.testing.assert_array_equal(call_["time"], TIME)
     assert (call_["title"], call_["path"]) == ("recorded", (Path("a.html"),)) and call_["pilot"]
 
 
