@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 from by_hand import GEAR, ROTORS
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from strategies import GENERATORS
 from test_linear import moving, same, two_masses
@@ -35,7 +35,7 @@ def process(inertia, rotor, viscous, lag, error, springs, encoder):
     return control.ss(A, (1 + error) * B, np.eye(len(A))[[at + 1, at, 1]], 0)
 
 
-@settings(max_examples=8)
+@settings(max_examples=8, phases=[Phase.generate])  # shrinking would take minutes
 @given(
     rng=GENERATORS,
     structure=st.sampled_from(["pi", "p_in_feedback"]),
@@ -51,6 +51,7 @@ def test_loops_are_those_of_python_control(
     by_differences = by_differences and period is not None  # with encoders, of positions
     inertia, (zeta, share) = ROTORS * rng.uniform(3, 20, 4), rng.uniform(0.3, 1.2, (2, 4))
     omega_n = 4 * 60 ** rng.uniform(0, 1, 4)
+    omega_n[0] = 1000 if period == 0.005 else omega_n[0]  # unstable
     kp, ki = 2 * zeta * omega_n * inertia, omega_n**2 * inertia
     viscous, error = share * kp, 0.2 * (share - 0.7)
     gains = {"kp": kp.tolist(), "ki": ki.tolist(), "omega_r": None, "zeta": None}
@@ -90,9 +91,10 @@ def test_loops_are_those_of_python_control(
         same(response.tracking[:, k], tracking, 1e-4)
         size = np.abs(tracking)
         assert response.peak_db[k] == pytest.approx(20 * np.log10(size.max()), abs=1e-5)
-        at = response.bandwidth[k], response.peak_omega[k]
-        np.testing.assert_allclose(np.interp(at, omega, size), [0.5**0.5, size.max()], rtol=0.03)
-        assert np.all(size[omega > at[0]] < 0.5**0.5)
+        at, level = (response.bandwidth[k], response.peak_omega[k]), 0.5**0.5
+        expected = level if size[-1] < level else np.nan, size.max()
+        np.testing.assert_allclose(np.interp(at, omega, size), expected, rtol=0.03)
+        assert np.all(size[omega > at[0]] < level)
 
         poles = control.feedback(loop, 1).poles().astype(complex)
         modes = moving(np.log(poles + 1e-300) / period if period else poles, 0.01)
@@ -106,8 +108,11 @@ def test_loops_are_those_of_python_control(
             gains = np.append(gains, 1 / np.abs(gain[-1]))  # at the Nyquist frequency
         found = (response.gain_margin, response.gain_reduction, response.crossover)
         expected = min(gains[gains > 1], default=np.inf), max(gains[gains < 1], default=0)
-        np.testing.assert_allclose([x[k] for x in found], [*expected, max(crossings)], rtol=0.01)
-        assert response.phase_margin[k] == pytest.approx(np.abs(angles).min(), abs=1)
+        np.testing.assert_allclose(
+            [x[k] for x in found], [*expected, max(crossings, default=np.nan)], rtol=0.01
+        )
+        smallest = min(np.abs(angles), default=np.nan)
+        assert response.phase_margin[k] == pytest.approx(smallest, abs=1, nan_ok=True)
         assert response.modulus_margin[k] == pytest.approx(np.abs(1 + gain).min(), rel=1e-4)
 
         if simulated is not None:

@@ -81,12 +81,14 @@ def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
 
 
 @pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
-def test_springs_stay_whatever_they_carry(designed, name):
+def test_springs_stay_whatever_they_carry_and_axes_alone_are_told_its_load(designed, name):
     elastic = {"plant.elasticity": Elasticity([60.0] * 4), "plant.i_eff": None}
     heavy = {"plant.deviation": Deviation(inertia_scale=1.5)}
     nominal, heavier = designed(name, elastic), designed(name, elastic | heavy)
     np.testing.assert_array_equal(heavier.springs.stiffness, nominal.springs.stiffness)
     np.testing.assert_array_equal(heavier.springs.damping, nominal.springs.damping)
+    is_as_before = np.array_equal(heavier.loads.load_torque, nominal.loads.load_torque)
+    assert is_as_before == (name == "coupled_pi")
 
 
 SPRINGS = "plant.elasticity"
