@@ -56,7 +56,7 @@ def _torque(ax: Axes, robot: Robot, planned: Plan, margins: Margins, k: int) -> 
     if planned.torque_margin < 1:
         _limits(ax, time, planned.torque_margin * limit, "0.45", "limit with margin")
     ax.plot(time, margins.torque[:, k], color=PLANNED, label="planned")
-    ax.set_ylabel("torque [N m],\njoint side")
+    ax.set_ylabel("torque [N m], joint side")
 
 
 def _speed(ax: Axes, robot: Robot, planned: Plan, k: int) -> None:
