@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from command_line import ARM
 
-from sdt_drake.cli.app import main
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.excitation import _SEARCH, GENTLY, RATE, excite
 from sdt_drake.machine.identify.limits import Limits, assumed
 from sdt_drake.machine.identify.targets import Target
@@ -88,16 +88,6 @@ def test_what_a_file_does_not_limit_is_assumed(arm):
     assert Limits.of(arm, 0.5, acceleration=[8, 4]).acceleration == pytest.approx([4, 2])
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("--payload hand", "no moving link 'hand', expected one of upper; lower"),
-        ("--margin 0.2", "joint 1 exceeds its torque limit even at rest"),
-        ("--acceleration 8", "acceleration: [8.0], expected a list of 2 finite"),
-    ],
-)
-def test_bad_options_are_refused(arm, options, message, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["excite", str(arm.path), *options.split()]) == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not list(tmp_path.iterdir())
+def test_a_robot_that_cannot_hold_itself_is_refused(arm):
+    with pytest.raises(InputError, match="joint 1 exceeds its torque limit even at rest"):
+        excite(Target.everything(arm), 20.0, margin=0.2)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-
 import numpy as np
 import pytest
 from robots import chain_sdf, loaded
@@ -20,7 +18,6 @@ from sdt_drake.machine.fly.program import Aim, Course, rated
 from sdt_drake.motion import Motion, load_plan
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.head import GRAVITY, head_motion
-from sdt_drake.robot.robot import load_robot
 
 QUICK = {"approach": 4.0, "departure": 4.0, "knot": 0.4}
 FRAME = '<frame name="head" attached_to="link_3"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'
@@ -30,14 +27,7 @@ def piece(first, last):
     """Seconds of the shipped flight."""
     flight = read_flight("turn")
     own = (flight.time >= first) & (flight.time <= last)
-    return make_flight(
-        flight.time[own], flight.specific_force[own], flight.angular_rate[own], "piece"
-    )
-
-
-@pytest.fixture(scope="module")
-def device():
-    return load_robot()
+    return make_flight(flight.time[own], flight.specific_force[own], flight.angular_rate[own])
 
 
 @pytest.fixture(scope="module")
@@ -56,28 +46,27 @@ def one_start():
 
 
 @pytest.fixture(scope="module")
-def flown(device, onset):
-    return fly(device, onset, **QUICK)
+def flown(robot, onset):
+    return fly(robot, onset, **QUICK)
 
 
-def used(robot, motion, torque_of=inverse_dynamics):
-    """Largest share of each motor's torque at both ends of every period, by another way."""
-    vd = np.diff(motion.v, axis=0) / motion.period
-    both = [torque_of(robot, motion.q[k : k - 1 or None], motion.v[k : k - 1 or None], vd)
-            for k in (0, 1)]  # fmt: skip
+def used(robot, motion):
+    """Largest share of each motor's torque at both ends of every period."""
+    q, v, vd = motion.q, motion.v, np.diff(motion.v, axis=0) / motion.period
+    both = [inverse_dynamics(robot, q[k], v[k], vd) for k in (slice(-1), slice(1, None))]
     return np.abs(both).max(axis=(0, 1)) / robot.effort_limit
 
 
-def test_a_motion_of_the_device_is_found_again(device):
+def test_a_motion_of_the_device_is_found_again(robot):
     """What the device itself can do, from the head's motion alone."""
     t = 0.005 * np.arange(1601)
     v = np.zeros((len(t), 4))
     ease = np.sin(np.pi * np.clip((t - 2) / 4, 0, 1)) ** 2
     v[:, 1], v[:, 3] = 0.25 * ease * np.sin(0.8 * t), 0.2 * ease * np.cos(0.6 * t)
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
-    head = head_motion(device, motion.q, motion.v, motion.vd)
+    head = head_motion(robot, motion.q, motion.v, motion.vd)
     flight = make_flight(motion.time, head.specific_force, head.angular_velocity)
-    found = fly(device, flight, approach=2.0, departure=2.0, knot=0.1, torque_margin=1.0,
+    found = fly(robot, flight, approach=2.0, departure=2.0, knot=0.1, torque_margin=1.0,
                 compare=False)  # fmt: skip
     within = found.chosen.within
     force = np.abs(found.chosen.force_error[within]).max(axis=0)
@@ -94,14 +83,14 @@ def test_any_robot_with_a_head_flies_within_its_limits(onset):
         fly(loaded(chain_sdf(3)), onset)
 
 
-def test_an_idle_g_is_waited_at(device):
+def test_an_idle_g_is_waited_at(robot):
     ends = {"approach": 6.0, "departure": 2.0, "knot": 0.5, "compare": False}
-    found = fly(device, piece(0.0, 1.0), idle_g=1.4, g_weight=1.5, **ends)
+    found = fly(robot, piece(0.0, 1.0), idle_g=1.4, g_weight=1.5, **ends)
     at = round(0.8 * 6 / 0.005)
     assert found.chosen.head.resultant_g[at] == pytest.approx(1.4, abs=0.1)
 
 
-def test_an_interrupt_keeps_the_best_so_far(device, onset):
+def test_an_interrupt_keeps_the_best_so_far(robot, onset):
     pressed = []
 
     def interrupt(done):
@@ -111,12 +100,12 @@ def test_an_interrupt_keeps_the_best_so_far(device, onset):
 
     with watching(interrupt):
         try:
-            found = fly(device, onset, **QUICK)
+            found = fly(robot, onset, **QUICK)
         except KeyboardInterrupt:  # which pytest would not count as a failure
             pytest.fail("the best so far is lost")
     assert found.numbers["interrupted"] and len(found.front) == 1
     assert len(found.numbers["starts"]) == 1
-    assert used(device, found.motion).max() < 0.95 * 1.01
+    assert used(robot, found.motion).max() < 0.95 * 1.01
 
 
 @pytest.mark.parametrize(
@@ -127,20 +116,20 @@ def test_an_interrupt_keeps_the_best_so_far(device, onset):
         ({"torque_margin": 1.2}, "torque_margin"),
     ],
 )
-def test_bad_options_are_refused(device, onset, options, told):
+def test_bad_options_are_refused(robot, onset, options, told):
     with pytest.raises(InputError, match=told):
-        fly(device, onset, **options)
+        fly(robot, onset, **options)
 
 
-def test_forces_across_the_head_weigh_twice_their_thresholds(device):
+def test_forces_across_the_head_weigh_twice_their_thresholds(robot):
     """At rest, with errors of 1 m/s² along one axis: (W H / s_f)² for 5 knots of 0.4 s."""
     still = Course(0.4, *np.zeros((3, 5, 4)))
-    force = head_motion(device, still.q, still.v, still.a).specific_force
+    force = head_motion(robot, still.q, still.v, still.a).specific_force
     costs = []
     for axis in np.eye(3):
         aim = Aim(
-            device, 0.4, force + axis, np.zeros((5, 3)), np.ones((5, 6)), g_weight=3.0,
-            torque_share=np.inf, lower=device.position_lower, upper=device.position_upper,
+            robot, 0.4, force + axis, np.zeros((5, 3)), np.ones((5, 6)), g_weight=3.0,
+            torque_share=np.inf, lower=robot.position_lower, upper=robot.position_upper,
             torque_less=np.zeros(4), arm=True,
         )  # fmt: skip
         costs.append(rated(aim, still).merit)
@@ -180,26 +169,6 @@ def head_by_hand(q, v):
     return place, turned, turned.inv().apply(rate)
 
 
-def pinocchio_model(pin, robot):
-    """The shipped device by hand: axes, arm's length, and the links' inertias from the file."""
-    model, parent = pin.Model(), 0
-    model.gravity.linear = np.array([0, 0, -GRAVITY])
-    axes, radius = "ZYXZ", 2.6
-    links = {link.get("name"): link for link in ET.parse(robot.path).getroot().iter("link")}
-    carried = (["arm"], ["roll_frame"], ["pitch_frame"], ["gondola", "payload"])
-    for k, (axis, names) in enumerate(zip(axes, carried, strict=True)):
-        place = pin.SE3(np.eye(3), np.array([radius if k == 1 else 0.0, 0, 0]))
-        parent = model.addJoint(parent, getattr(pin, f"JointModelR{axis}")(), place, f"j{k}")
-        for name in names:
-            inertial = links[name].find("inertial")
-            com = np.array(inertial.findtext("pose").split()[:3], dtype=float)
-            moments = {x.tag: float(x.text) for x in inertial.find("inertia")}
-            own = np.diag([moments["ixx"], moments["iyy"], moments["izz"]])
-            inertia = pin.Inertia(float(inertial.findtext("mass")), com, own)
-            model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
-    return model, model.createData()
-
-
 def test_less_rotation_is_felt_than_by_alignment(flown):
     own, alignment = flown.numbers, flown.numbers["alignment"]
     assert own["g_weight"] > 0.05 and own["g_error_rms"] <= alignment["g_error_rms"]
@@ -217,34 +186,14 @@ def high_passed(error, period):
     return lsim(([5.7, 0], [5.7, 1]), error, period * np.arange(len(error)))[1]
 
 
-def test_the_motion_keeps_all_limits(device, flown, tmp_path):
-    motion, share = flown.motion, used(device, flown.motion)
+def test_the_motion_keeps_all_limits(robot, flown, tmp_path):
+    motion, share = flown.motion, used(robot, flown.motion)
     assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
     assert 0.9 < share.max() < 0.95 * 1.01
-    assert np.all(np.abs(motion.v).max(axis=0) < device.velocity_limit)
+    assert np.all(np.abs(motion.v).max(axis=0) < robot.velocity_limit)
     assert not np.any(motion.v[[0, -1]])
     motion.to_csv(tmp_path / "motion.csv")
-    assert not load_plan(tmp_path / "motion.csv", device).limited.any()
-
-
-def test_an_independent_inverse_dynamics_agrees(device, flown):
-    """Pinocchio, from numbers of the SDF that it does not parse itself."""
-    pin = pytest.importorskip("pinocchio")
-    motion = flown.motion
-    model, data = pinocchio_model(pin, device)
-
-    def torque(robot, q, v, vd):
-        rows = [pin.rnea(model, data, *row) for row in zip(q, v, vd, strict=True)]
-        return np.array(rows) + vd * robot.reflected_inertia
-
-    every = slice(None, None, 7)
-    vd = motion.vd[every]
-    np.testing.assert_allclose(
-        torque(device, motion.q[every], motion.v[every], vd),
-        inverse_dynamics(device, motion.q[every], motion.v[every], vd),
-        rtol=1e-6, atol=1e-3,
-    )  # fmt: skip
-    assert used(device, motion, torque).max() < 0.95 * 1.01
+    assert not load_plan(tmp_path / "motion.csv", robot).limited.any()
 
 
 def test_errors_are_those_of_an_independent_kinematics(onset, flown):

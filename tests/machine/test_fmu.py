@@ -5,7 +5,6 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from command_line import refused
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from pydrake.systems.framework import DiagramBuilder
@@ -37,8 +36,8 @@ class Fmu:
         self.slave.instantiate(loggingOn=True)
         self._steps = 0
 
-    def begin(self, start=0.0, **parameters):
-        self.slave.setupExperiment(startTime=start)
+    def begin(self, **parameters):
+        self.slave.setupExperiment(startTime=0.0)
         self.slave.enterInitializationMode()
         for name, values in parameters.items():
             self.put(name, values)
@@ -139,31 +138,8 @@ def test_bad_input_is_an_error_with_a_text(by_reference, capfd):
             assert text in capfd.readouterr().out
             fmu.put(name, np.zeros(4))
         fmu.step()  # it goes on
-    for start, parameters, text in (
-        (1.0, {}, "start time 1 s, expected 0"),
-        (0.0, {"viscous_friction": [-1.0] * 4}, "viscous[1]: -1.0, expected a number >= 0"),
-    ):
-        with running(path) as wrong:
-            wrong.begin(start, **parameters)
-            with pytest.raises(Exception, match="fmi2DoStep failed"):
-                wrong.step()
-        assert text in capfd.readouterr().out
-
-
-TABLE = ("--fmu", "x.fmu", "--fmu-input", "reference", "--set", "controller.kind=pi_ctc")
-
-
-def test_command(good, call, desk):
-    said = good("export", "coupled_pi", "--fmu", "loop.fmu").out
-    assert said.startswith("loop.fmu written: the loop of coupled_pi with the torque")
-    with running(desk / "loop.fmu") as fmu:
-        fmu.begin()
-        assert len(fmu.numbers("tau_cmd")) == 4
-    for options, part in (
-        (("--fmu", "x.fmu", "--drive", "drives"), "--drive: has no effect with --fmu"),
-        (("--fmu", "x.txt"), "x.txt: unknown kind of file, expected .fmu"),
-        (TABLE, "reference: 'external', but load_torque is computed along the planned motion"),
-        ((), "--drive: missing, expected a file with data"),
-    ):
-        refused(call("export", "coupled_pi", *options), part)
-    assert [path.name for path in desk.iterdir()] == ["loop.fmu"]
+    with running(path) as wrong:
+        wrong.begin(viscous_friction=[-1.0] * 4)
+        with pytest.raises(Exception, match="fmi2DoStep failed"):
+            wrong.step()
+    assert "viscous[1]: -1.0, expected a number >= 0" in capfd.readouterr().out

@@ -9,7 +9,7 @@ from pathlib import Path
 import dh
 import numpy as np
 import pytest
-from known_truth import COULOMB_TRUE, PILOT, VISCOUS_TRUE, changed, motion, recorded_of
+from known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of
 from robots import chain_sdf
 from scipy.linalg import sqrtm
 from simulated_recordings import course
@@ -22,11 +22,9 @@ from sdt_drake.machine.identify.model import directions, plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.suspicions import inconsistent
 from sdt_drake.machine.recordings import Recorded
-from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.sdf import SYMMETRIC, links_by_name, parse_xml
-from sdt_drake.show.reports.identification import links_table
 
 
 def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_path):
@@ -105,19 +103,6 @@ def test_friction_of_a_scenario_has_no_damping_and_no_stiff_bristles(tmp_path):
     assert found.equations.nominal == pytest.approx(found.equations.known + 9 * found.equations.v)
     least = torque_groups(chain, q, v, vd).d_kk.min() + chain.reflected_inertia.min()
     assert 0.005 * coulomb / friction.presliding / least == pytest.approx(5000, rel=0.1)
-
-
-def test_payload_alone(robot):
-    """Another pilot in a device that is known: a kilogram, a centimetre."""
-    found = identify(
-        robot, [recorded_of(deviated(robot, PILOT), noise=0.003)], only="payload", cutoff=4.0
-    )
-    (link,), (pseudo,) = found.consistent.links, found.consistent.pseudo
-    mass, com, _ = link.inertial(pseudo)
-    was, centre, _ = link.inertial(link.pseudo)
-    assert abs(mass - was - 18) < 1
-    assert np.linalg.norm(com - centre - PILOT.payload_offset) < 0.01
-    assert [row[3] for row in links_table(found).rows] == ["measured"]
 
 
 def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from dh import DhTable
 
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.filtering import stretches, zero_phase_low_pass
@@ -14,40 +16,29 @@ from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import load_robot
 
-
-def arm_sdf(hand: float, rotors: tuple[float, float]) -> str:
-    """An upright arm of two joints with a hand of some mass [kg], and rotors [kg m²]."""
-    joints = [
-        ("shoulder", "world", "arm", 5.0, 0.2, 120.0),
-        ("wrist", "arm", "hand", hand, 0.05, 20),
-    ]
-    parts = [
-        f'<link name="{link}"><pose relative_to="{name}"/><inertial><mass>{mass}</mass>'
-        f"<pose>{size} 0 0 0 0 0</pose>"
-        f"<inertia><ixx>{I}</ixx><iyy>{I}</iyy><izz>{I}</izz></inertia>"
-        f'</inertial></link><joint name="{name}" type="revolute">'
-        f'<pose relative_to="{"__model__" if parent == "world" else parent}">{x} 0 0 1.5 0 0</pose>'
-        f"<parent>{parent}</parent><child>{link}</child><axis><xyz>0 0 1</xyz>"
-        f"<limit><effort>{effort}</effort></limit></axis>"
-        f"<drake:rotor_inertia>{rotor}</drake:rotor_inertia></joint>"
-        for (name, parent, link, mass, size, effort), rotor, x in zip(
-            joints, rotors, (0.0, 0.4), strict=True
-        )
-        for I in [mass * size**2 / 4]  # noqa: E741
-    ]
-    return (
-        '<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="arm">'
-        f"{''.join(parts)}</model></sdf>"
-    )
+FILE = DhTable(
+    name="file",
+    d=[0.0, 0.0],
+    a=[0.4, 0.0],
+    alpha=[1.5, 0.0],
+    theta=[0.0, 0.0],
+    mass=[5.0, 0.2],
+    com=[(-0.2, 0.0, 0.0), (0.05, 0.0, 0.0)],
+    radius=0.05,
+    speed=[9.0, 9.0],
+    effort=[120.0, 20.0],
+    rotor_inertia=[0.0, 0.0],
+    gear_ratio=[1.0, 1.0],
+    base=(1.5, 0.0, 0.0),
+)
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
     """An arm as its maker publishes it, without rotors and tool, and as it is."""
+    true = replace(FILE, name="true", mass=[5.0, 0.6], rotor_inertia=[0.5, 0.1])
     folder = tmp_path_factory.mktemp("arm")
-    (folder / "file.sdf").write_text(arm_sdf(0.2, (0.0, 0.0)))
-    (folder / "true.sdf").write_text(arm_sdf(0.6, (0.5, 0.1)))
-    return load_robot(folder / "file.sdf"), load_robot(folder / "true.sdf")
+    return [load_robot(table.write(folder)) for table in (FILE, true)]
 
 
 def arm_recorded(true, encoder):
@@ -64,7 +55,7 @@ def arm_recorded(true, encoder):
 
 @pytest.mark.parametrize("encoder", [1e-5, 2 * np.pi / 2000], ids=["fine", "coarse"])
 def test_rotors_and_a_tool_that_the_file_does_not_have(arm, encoder):
-    """The wrist's rotor is fifty times the inertia of its hand, and accelerations are noisy."""
+    """The wrist's rotor is thirty times the inertia of its hand, and accelerations are noisy."""
     nominal, true = arm
     found = identify(nominal, [arm_recorded(true, encoder)])
     truth = found.unknown.base.combination @ rigid_parameters(true)
@@ -78,10 +69,8 @@ def test_standstill_at_both_ends_is_left_out(arm):
     nominal, true = arm
     recorded = arm_recorded(true, 1e-5)
     stood = 3000
-    q = (
-        recorded.signals["q"]
-        * np.clip(np.minimum(recorded.time, 29.99 - recorded.time), 0, 1)[:, None]
-    )
+    fade = np.clip(np.minimum(recorded.time, 29.99 - recorded.time), 0, 1)
+    q = recorded.signals["q"] * fade[:, None]
     q = zero_phase_low_pass(np.pad(q, ((stood, stood), (0, 0)), "edge"), 3.0, 0.01)
     v = np.gradient(q, 0.01, axis=0)
     tau = inverse_dynamics(true, q, v, np.gradient(v, 0.01, axis=0)) + 0.5 * np.tanh(v / 0.01)

@@ -167,39 +167,26 @@ def test_what_repeats_is_told_from_what_does_not(machine):
         _refuse_growth(larger, State([replace(best, floor=[])], []), Path("a.csv"))
 
 
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (
-            lambda f: (f[0], f[1][:, [3, 1, 2, 0]], f[2][:, [3, 1, 2, 0]]),
-            "q_ref is up to .* expected a recording of one",
-        ),
-        (lambda f: (f[0], f[1], f[2][:, [3, 1, 2, 0]]), "joint 1 is .* order of the joints"),
-    ],
-)
-def test_recordings_of_something_else_are_refused(machine, spoil, words):
-    path = machine.record(spoil(machine.flight()))
-    with pytest.raises(InputError, match=words):
-        match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
-
-
-def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
-    def refused(change, words):
-        path = machine.record(machine.flight())
-        lines = path.read_text(encoding="utf-8").splitlines()
-        path.write_text("\n".join([lines[0], *change(lines[1:])]) + "\n", encoding="utf-8")
+def test_recordings_of_something_else_or_with_gaps_are_refused(machine):
+    recorded = machine.read(machine.record(machine.flight()))
+    q, q_ref = recorded.signals["q"], recorded.signals["q_ref"]
+    rows, other = np.arange(len(q)), [3, 1, 2, 0]
+    for kept, changed, words in (
+        (rows, {"q": q[:, other], "q_ref": q_ref[:, other]}, "q_ref is up to .* recording of one"),
+        (rows, {"q": q[:, other]}, "joint 1 is .* order of the joints"),
+        (np.delete(rows, slice(100, 110)), {}, "a gap from 0.495 to 0.55 s"),
+        (rows[::8], {}, "a sample every 0.04 s, expected at most 0.024 s"),
+        (rows[:220], {}, "contains 0.000 to 1.095 s of the motion"),
+        (rows[:100], {}, "lasts 0.495 s, expected the whole motion"),
+    ):
+        signals = {name: x[kept] for name, x in {**recorded.signals, **changed}.items()}
+        part = replace(recorded, time=recorded.time[kept], signals=signals)
         with pytest.raises(InputError, match=words):
-            match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
-
-    refused(lambda rows: rows[:100] + rows[110:], "a gap from 0.495 to 0.55 s")
-    refused(lambda rows: rows[::8], "a sample every 0.04 s, expected at most 0.024 s")
-    refused(lambda rows: rows[:220], "contains 0.000 to 1.095 s of the motion")
-    refused(lambda rows: rows[:100], "lasts 0.495 s, expected the whole motion")
-    path = machine.record(machine.flight(), step=0.02)
-    columns = Columns(time_factor=1e-3)
-    wrongly = read_recording(path, machine.design.robot, columns, needs=("q",))
+            match(part, machine.design, machine.filter, [machine.design.motion])
+    path, columns = machine.record(machine.flight(), step=0.02), Columns(time_factor=1e-3)
+    short = read_recording(path, machine.design.robot, columns, needs=("q",))
     with pytest.raises(InputError, match=r"lasts 0.0017 s, .*; in seconds .* time_factor: 1 in"):
-        match(wrongly, machine.design, machine.filter, [machine.design.motion])
+        match(short, machine.design, machine.filter, [machine.design.motion])
 
 
 def test_two_commands_at_once_keep_both_flights(good, desk):
@@ -217,10 +204,7 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
         assert not (state / "flight_02.yaml").exists()
     outs = [one.communicate()[0] for one in both]
     assert [one.returncode for one in both] == [0, 0], outs
-    assert sorted(path.name for path in state.glob("*")) == sorted(
-        ["scenario.yaml", *(f"flight_0{i}.yaml" for i in (1, 2, 3))]
-        + [f"reference_0{i}.csv" for i in (2, 3, 4)]
-    )
+    assert len(list(state.glob("flight_*"))) == len(list(state.glob("reference_*"))) == 3
     flown = [load_yaml(FlightRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
     assert flown == [2, 2]
 
@@ -242,6 +226,3 @@ def test_the_command_learns_flight_by_flight(good, refuse, desk):
     state.write_text(text.replace("floor: []", "floor: [1]"), encoding="utf-8")
     refuse(*again, late=True, saying=("state/flight_01.yaml: floor: 1 value(s), expected 4",))
     refuse(*again, "--set", "period=0.004", saying=("--set: state contains the scenario",))
-    refuse(*again, "--flights", "2", saying=("--flights: has no effect with --recording",))
-    refuse("learn", "--recording", "flight.csv", "--state", "other", saying=("expected a SCEN",))
-    refuse("learn", file, "--state", "state", saying=("--state: has an effect with --rec",))

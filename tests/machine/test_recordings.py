@@ -93,13 +93,6 @@ def test_any_bytes_give_one_error_with_the_file_or_a_recording(
         assert f"r{suffix}" in str(error) and "\n" not in str(error)
 
 
-def test_side_of_own_recordings_is_known(tmp_path, table, robot):
-    own = f"{HEADER},tau_cmd_1,tau_limited_1,load_torque_1"
-    path = write(tmp_path, np.column_stack([table, np.ones((N, 3))]), header=own)
-    recorded = read_recording(path, robot)
-    np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:9] * robot.gear_ratio)
-
-
 def test_torques_that_are_late_are_put_at_their_time(tmp_path, table, robot):
     path = write(tmp_path, table)
     late = read_recording(path, robot, Columns(torque_delay=0.01)).signals["tau"]

@@ -1,27 +1,21 @@
-"""Recordings replayed: of runs, whose differences are known, and of a real robot."""
+"""Recordings replayed: of runs, whose differences are known."""
 
 import re
 
-import dh
 import numpy as np
 import pytest
 
-from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings import Recorded, read_recording
-from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, UNFED, _smoothed, replay
+from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
 from sdt_drake.run.scenario import (
-    ControllerChoice,
     Drive,
     Friction,
-    PlantChoice,
-    Scenario,
-    save_scenario,
     with_fields,
 )
 from sdt_drake.run.simulate import simulate
-from sdt_drake.show.reports.replay import FILES, replay_findings, tables
+from sdt_drake.show.reports.replay import replay_findings, tables
 
 CASCADE = {
     "controller.kind": "p_pi",
@@ -182,44 +176,3 @@ def test_bad_recordings_are_refused(design):
     ):
         with pytest.raises(InputError, match=f"a.csv: {said}"):
             replay(design.scenario, Recorded("a.csv", time, signals), design.robot)
-
-
-@dh.needs_data
-def test_the_kuka_under_the_gains_of_its_data_set(tmp_path, capsys):
-    """Their law is a PI speed loop with both gains on the error. Torques agree by and large; the
-    wrist's errors are far larger than these gains leave, and the controller alone tells why."""
-    table = dh.KUKA_KR300
-    ratio = np.array(table.gear_ratio)
-    speed_gain = np.array([1046.4, 1137.6, 1073.4, 63.12, 68.44, 44.08])
-    friction = Friction(
-        coulomb=list(ratio * [1.6, 2.1, 2.0, 0.62, 0.41, 0.67]),
-        viscous=list(ratio * [7.0, 6.9, 5.3, 0.75, 2.4, 2.5]),
-    )
-    scenario = Scenario(
-        robot=str(table.write(tmp_path)),
-        period=0.004,
-        plant=PlantChoice(kind="coupled", friction=friction),
-        controller=ControllerChoice(
-            structure="pi", kp=list(speed_gain / ratio), ki=list(572.96 / ratio)
-        ),
-    )
-    save_scenario(scenario, tmp_path / "kuka.yaml")
-    (tmp_path / "columns.yaml").write_text(
-        "q: ['q_motor_{k}']\ntau: ['motor_torque_{k}']\ntau_ff: ['motor_feedforward_{k}']\n"
-        "side: motor\n"
-    )
-    lines = (dh.DATA / "kuka_kr300/recording_B.csv").read_text().splitlines()[:801]
-    (tmp_path / "b.csv").write_text("\n".join(lines))
-    arguments = [str(tmp_path / name) for name in ("b.csv", "kuka.yaml")]
-    columns = ["--columns", str(tmp_path / "columns.yaml")]
-    out = tmp_path / "out"
-    assert main(["replay", *arguments, *columns, "--out", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert "the recorded torque feedforward replaces the controller's own" in said
-    assert "of the difference, controller and drives [%]" in said
-    assert "controller commands joint 4, 5, 6 a torque with an error" in said
-    assert {path.name for path in out.iterdir()} == set(FILES)
-    rows = {row.split("  ")[0]: row.split()[-6:] for row in said.splitlines()}
-    del rows["motor torque"][1]  # of the joint with a counterbalance, which this model lacks
-    assert all(float(share) > 40 for share in rows["motor torque"])
-    assert FED in (out / "report.md").read_text()
