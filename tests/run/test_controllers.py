@@ -12,7 +12,12 @@ from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
-from sdt_drake.run.controllers import Pi, make_controller, register_controller
+from sdt_drake.run.controllers import (
+    Pi,
+    make_controller,
+    predicts_updates,
+    register_controller,
+)
 
 
 class Mine(Pi):
@@ -40,6 +45,9 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
     ):
         with pytest.raises(InputError, match=message):
             register_controller(name, controller)
+
+    shipped, heir = (make_controller(made.design) for made in (of_pi, plain))
+    assert predicts_updates(shipped) and not predicts_updates(heir)  # its law may be another
 
     scenario = with_controller(base.scenario, "mine")
     check(scenario)
