@@ -34,7 +34,8 @@ ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])
 RATED = np.array([68.0, 1800, 960, 960])
 
 
-def short_motion():
+@pytest.fixture(scope="module")
+def motion():
     """0.6 s from rest to rest: joint 1 there and back, joints 2 and 4 at different speeds."""
     t = np.arange(121) * 0.005
     hump = np.sin(np.pi * t / 0.6) ** 2
@@ -42,17 +43,12 @@ def short_motion():
     return Motion.from_speeds(0.005, np.array([0.1, -0.2, 0.3, 0.0]), v)
 
 
-@pytest.fixture(scope="module")
-def motion():
-    return short_motion()
-
-
-def drives_with(*, cycle=0.001, **fields):
+def drives_with(**fields):
     axes = [Axis(increments=2**20, rated_torque=rated) for rated in RATED]
     for name, values in fields.items():
         for axis, value in zip(axes, values, strict=True):
             setattr(axis, name, value)
-    return Drives(cycle_time=cycle, axes=axes)
+    return Drives(cycle_time=0.001, axes=axes)
 
 
 def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion):
@@ -87,6 +83,9 @@ def test_integers_are_rounded_motion_and_do_not_drift(robot, motion, unit, per_t
     travelled = points.position[0] + np.vstack([np.zeros(4), np.cumsum(in_increments, axis=0)])
     slack = 1 + 2**20 * 0.001 / per_turn_and_second
     assert np.abs(travelled - points.position).max() <= slack
+    back = samples_from(robot, drives, points, motion.q[0])
+    turns_per_second = back.v * [67.2, -2, 1, -1] / (2 * np.pi)
+    np.testing.assert_allclose(turns_per_second * per_turn_and_second, points.speed, atol=1e-6)
     per_mille = 1000 * samples.tau / ([67.2, -2, 1, -1] * RATED)
     assert np.abs(points.torque - per_mille).max() <= 0.5 + 1e-9
 

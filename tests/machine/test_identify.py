@@ -6,14 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_truth import (
-    COULOMB_TRUE,
-    VISCOUS_TRUE,
-    changed,
-    motion,
-    recorded_of,
-    true_robot,
-)
+from known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of, true_robot
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
@@ -35,10 +28,7 @@ from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.figures.identification import residuals_figure
-from sdt_drake.show.reports.identification import (
-    friction_notes,
-    friction_table,
-)
+from sdt_drake.show.reports.identification import friction_notes, friction_table
 
 
 def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, true, tmp_path):

@@ -9,11 +9,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings import Recorded, read_recording
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
-from sdt_drake.run.scenario import (
-    Drive,
-    Friction,
-    with_fields,
-)
+from sdt_drake.run.scenario import Drive, Friction, with_fields
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.reports.replay import replay_findings, tables
 
