@@ -64,6 +64,7 @@ CASES = {
     "p_pi+id": ("p_pi+id", "coupled", Drive(torque_error=[0.1, -0.1, 0.0, 0.05])),
     "envelope": ("pi_id", "coupled", Drive(**ENVELOPE)),
     "late": ("p_pi+id", "coupled", Drive(reference_delay=0.0072)),
+    "two periods late": ("p_pi+id", "coupled", Drive(reference_delay=0.01)),
     "lag": ("pi_id", "coupled", Drive(torque_bandwidth=200.0, torque_error=[0.1, -0.1, 0, 0.05])),
     "sampled": ("pi_id", "coupled", Drive(period=0.001, **ENVELOPE)),
 }
