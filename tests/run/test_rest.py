@@ -32,6 +32,16 @@ def steady(designed):
     return run
 
 
+def test_a_run_starts_without_the_torque_of_its_first_acceleration(designed):
+    ramp = np.linspace(0, 0.1, 21)[:, None] * np.ones(4)
+    still, moving = (
+        designed("coupled_pi_ctc", kind("pi_id"), motion=Motion.from_speeds(0.005, LOADED, v))
+        for v in (0 * ramp, ramp)
+    )
+    assert np.all(moving.motion.vd[0] > 0.9)
+    np.testing.assert_allclose(moving.steady_ff, still.steady_ff)
+
+
 @pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi+ctc", "pi_scheduled"])
 @pytest.mark.parametrize("fields", [HEAVIER, AXIS, ANTI_WINDUP, DRIVEN, LATE])
 def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, label, fields):
