@@ -16,10 +16,10 @@ MAX_OUTPUT = 300_000  # characters; the 3D page has ten times as many
 
 
 def smaller(png: str) -> str:
-    """Return a picture in base64 with 64 colours."""
+    """Return a picture in base64 with 256 colours: fewer would mix those of a legend."""
     made = io.BytesIO()
     with Image.open(io.BytesIO(base64.b64decode(png))) as image:
-        image.convert("RGB").quantize(64).save(made, "PNG", optimize=True)
+        image.convert("RGB").quantize(256).save(made, "PNG", optimize=True)
     return base64.b64encode(made.getvalue()).decode()
 
 
