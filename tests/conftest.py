@@ -87,15 +87,21 @@ def _nothing_is_trusted(_no_home, monkeypatch):
     shutil.rmtree(_no_home / "sdt_drake", ignore_errors=True)
 
 
+@pytest.fixture(scope="session")
+def _shipped_controllers():
+    from sdt_drake.run import kinds
+
+    return dict(kinds.CONTROLLERS)
+
+
 @pytest.fixture(autouse=True)
-def _own_controllers_end_with_their_test(monkeypatch):
+def _own_controllers_end_with_their_test(_shipped_controllers, monkeypatch):
     from sdt_drake.run import kinds
 
     monkeypatch.setattr(kinds, "_loaded", {})
-    before = dict(kinds.CONTROLLERS)
     yield
     kinds.CONTROLLERS.clear()
-    kinds.CONTROLLERS.update(before)
+    kinds.CONTROLLERS.update(_shipped_controllers)
 
 
 # --- made once -------------------------------------------------------------------------------
