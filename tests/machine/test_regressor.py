@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_truth import recorded_of, true_robot
 from strategies import moving
 
 from sdt_drake.machine.identify.base_parameters import (
@@ -13,6 +16,8 @@ from sdt_drake.machine.identify.base_parameters import (
     rigid_names,
     rigid_parameters,
 )
+from sdt_drake.machine.identify.equations import equations
+from sdt_drake.machine.identify.filtering import stretches
 from sdt_drake.robot.dynamics import inverse_dynamics
 
 
@@ -50,3 +55,15 @@ def test_words_of_the_shipped_device(robot):
     first = next(words for words in base.words if words.startswith("Izz of arm"))
     # Parallel axes: what is 2.6 m out adds 2.6² m of every mass there.
     assert "+ 6.76 mass of roll_frame" in first and "+ motor inertia of planetary" in first
+
+
+def test_equations_in_blocks_are_those_of_all(robot, monkeypatch):
+    (stretch,), _ = stretches(recorded_of(true_robot(robot)))
+    arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
+    whole = equations(*arguments)
+    monkeypatch.setattr(sys.modules[equations.__module__], "_BLOCK_SAMPLES", 900)
+    parts = equations(*arguments)
+    assert np.all(parts.part == 0)
+    for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
+        one, other = getattr(parts, name), getattr(whole, name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
