@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from robots import chain_sdf, loaded
@@ -215,3 +218,13 @@ def test_errors_are_those_of_an_independent_kinematics(onset, flown):
     whole = np.stack([high_passed(x, period)[own] for x in (w - w[0]).T])  # from steady state
     felt = np.degrees(np.sqrt(np.sum(np.mean(whole**2, axis=1))))
     assert flown.numbers["felt_rotation_rms_deg_s"] == pytest.approx(felt, rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "is_tightened"), [(0.9, False), (1.0, True)])
+def test_torque_between_knots_exceeds_an_allowed_share_but_never_the_motors(
+    robot, onset, flown, share, is_tightened
+):
+    limit = robot.effort_limit * used(robot, flown.motion) / (1.001 * share)
+    aim = procedure._aim(replace(robot, effort_limit=limit), onset, (4, 4), None, 0.4, share, 1.5)
+    course = SimpleNamespace(motion=lambda period: flown.motion)
+    assert (procedure._tightened(aim, course) is not None) == is_tightened
