@@ -1,10 +1,11 @@
 """Flights on the shipped device, beside alignment and washout in one run: what is felt, and how.
 
-    python tests/benchmarks/bench_flights.py [FLIGHT.csv ...]
+    python tests/benchmarks/bench_flights.py [FLIGHT.csv ... | MOTION ...]
 
 Without files: the shipped turn, others made by transforming it, and flights of JSBSim's F-16 and
 C172, if that is installed (`pip install jsbsim`). At equal G error means: on the front, at the G
-error of the alignment.
+error of the alignment. Shipped training motions, by their names, are found again from their own
+motion of the head.
 """
 
 from __future__ import annotations
@@ -12,13 +13,19 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
+from functools import partial
 
 import numpy as np
 from timing import head, row
 
+from sdt_drake.analysis.perception import LINEAR
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.fly import procedure
 from sdt_drake.machine.fly.flight import make_flight, read_flight
 from sdt_drake.machine.fly.procedure import fly
+from sdt_drake.machine.fly.program import RATE
+from sdt_drake.motion import load_plan, shipped_motions
+from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.robot import load_robot
 
 PERIOD = 1 / 60  # s, of JSBSim
@@ -98,16 +105,41 @@ def compared(robot, flight):
     ]  # fmt: skip
 
 
-def main(*paths):
-    robot, flights = load_robot(), list(map(read_flight, paths))
-    if not flights:
+def found_again(robot, name):
+    """Errors over thresholds of a training motion that is found from its motion of the head."""
+    motion = load_plan(name, robot).motion
+    felt = head_motion(robot, motion.q, motion.v, motion.vd)
+    flight = make_flight(motion.time, felt.specific_force, felt.angular_velocity, name)
+    ends = {"approach": 2.0, "departure": 2.0}
+    chosen = fly(robot, flight, **ends, knot=0.05, torque_margin=1.0, compare=False).chosen
+    own = chosen.within
+    errors = chosen.force_error[own] / np.array(LINEAR), chosen.felt_rate_error[own] / RATE
+    force, rotation = (np.abs(error).max(axis=1) for error in errors)
+    largest = np.maximum(force, rotation)
+    return [name, f"{force.max():.3f}", f"{rotation.max():.3f}", f"{np.median(largest):.4f}",
+            f"{100 * (largest > 0.1).mean():.1f}"]  # fmt: skip
+
+
+def main(*asked):
+    robot = load_robot()
+    motions = [name for name in asked if name in shipped_motions()]
+    flights = [read_flight(path) for path in asked if path not in motions]
+    if not asked:
         flights = [*transformed(), *(of_jsbsim() if importlib.util.find_spec("jsbsim") else ())]
-    head(*COLUMNS)
-    for flight in flights:
+    tables = [(COLUMNS, flight.name, partial(compared, robot, flight)) for flight in flights]
+    if motions:
+        procedure.SEATS = (0.0,)  # as shipped
+        header = ("motion", "force / threshold", "rotation", "median", "above 0.1 [% of time]")
+        tables += [(header, name, partial(found_again, robot, name)) for name in motions]
+    shown = None
+    for columns, name, cells in tables:
+        if columns != shown:
+            head(*columns)
+            shown = columns
         try:
-            row(compared(robot, flight))
+            row(cells())
         except InputError as error:
-            row([flight.name, error])
+            row([name, error])
 
 
 if __name__ == "__main__":
