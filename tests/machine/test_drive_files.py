@@ -227,7 +227,7 @@ AXIS = "{increments: 4096, rated_torque: 10"
     [
         (AXIS + ", sign: 0}", r"axes\[1\].sign: 0, expected 1 or -1"),
         (AXIS + ", objects: [607Ah, 607Ah]}", r"objects\[2\]: 607Ah is given twice"),
-        (AXIS + ", objects: [60B2h]}", "neither a position nor a speed"),
+        (AXIS + ", objects: [60B1h]}", "neither a position nor a speed"),
         (AXIS + "}, " + AXIS + "}", r"axes: 2 value\(s\), expected 1, one for each joint"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 import re
 from collections import Counter
 
@@ -309,7 +310,11 @@ def test_blocks_stand_apart_and_in_their_frames(page):
 
 
 def test_lines_lead_from_block_to_block_without_running_on_others(page):
-    picture, router = page
+    check_lines(*page)
+
+
+def check_lines(picture, router):
+    """Wires lead from their block, or a branch of its signal, to a block, each on its own way."""
     blocks = [router.rects[block.path] for block in picture.frame.blocks()]
     begun: dict[tuple, set] = {}
     used = Counter()
@@ -360,14 +365,18 @@ def test_a_block_that_hands_on_what_is_fed_back_stands_below():
     assert rects["encoder",].right < rects["gain",].left
 
 
-def test_any_tangle_is_drawn():
-    n = 5
-    states = " ".join(f"x{i}" for i in range(n))
-    sums = [(f"sum{j}", Adder(n, 1), f"{states} rate{j}") for j in range(n)]
-    integrals = [(f"state{i}", Integrator(1), f"rate{i} x{i}") for i in range(n)]
-    text = drawn(walk(wired(*sums, *integrals)))
+@pytest.mark.parametrize(("n", "terms"), [(5, 5), (8, 3)])
+def test_any_tangle_is_drawn(n, terms):
+    choose = random.Random(0)
+    sums, integrals = [], [(f"state{i}", Integrator(1), f"rate{i} x{i}") for i in range(n)]
+    for j in range(n):
+        states = " ".join(f"x{i}" for i in choose.sample(range(n), terms))
+        sums.append((f"sum{j}", Adder(terms, 1), f"{states} rate{j}"))
+    picture = walk(wired(*sums, *integrals))
+    router = routed(picture)
 
-    assert text.count(" -> ") == n * n + n
+    assert len(router.lines) == n * terms + n
+    check_lines(picture, router)
 
 
 def test_nothing_to_draw():

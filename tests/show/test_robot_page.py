@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from owners import RATE_TABLE, SEVEN
-from pydrake.math import RigidTransform
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import robot_page
@@ -123,4 +122,6 @@ def test_sliders_of_drake_move_the_robot_and_what_is_drawn_beside_it(own, monkey
     packed = shown.scene.meshcat._GetPackedTransform(path)[-16 * 9 :]
     drawn = [np.frombuffer(packed[9 * i + 1 : 9 * i + 9], ">f8")[0] for i in range(16)]
     np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, expected, atol=1e-9)
-    assert joint == 6 and isinstance(at_zero, RigidTransform)
+    centre = own.plant.GetBodyByName("link_7").default_spatial_inertia().get_com()
+    assert joint == 6 and np.any(centre != 0)
+    np.testing.assert_allclose(at_zero.translation(), (zero @ [*centre, 1])[:3], atol=1e-12)
