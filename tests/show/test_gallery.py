@@ -182,6 +182,7 @@ REPORTS = {
 def normalised(text, folder):
     """A text without what differs from machine to machine: versions, wall times, paths."""
     text = text.replace(str(folder), "FOLDER").partition("|  | wall time [s] |")[0]
+    text = re.sub(r"(sdt_drake|drake) \d[\w.]*\d", r"\1 VERSION", text)
     return re.sub(r"(?m)^\| (package|drake|numpy|scipy|python) \| .*$", r"| \1 | VERSION |", text)
 
 
