@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from matplotlib.colors import to_hex
 from PIL import Image
 
@@ -113,3 +114,19 @@ def _numbers(values) -> str:
     size = np.max(np.abs(values), where=np.isfinite(values), initial=1e-9)
     values = np.where(np.abs(values) < 1e-6 * size, 0.0, values)
     return " ".join(f"{x:.3g}" for x in values)
+
+
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def check_same_text(obtained: Path, expected: Path, share: float = 2e-3) -> None:
+    """The same words, and the same numbers but for their last place, or a share of them."""
+    new, old = (path.read_text(encoding="utf-8").splitlines() for path in (obtained, expected))
+    words = [[" ".join(NUMBER.sub("#", line).split()) for line in lines] for lines in (new, old)]
+    assert words[0] == words[1]
+    for line, wanted in zip(new, old, strict=True):
+        for value, number in zip(NUMBER.findall(line), NUMBER.findall(wanted), strict=True):
+            mantissa, _, exponent = number.partition("e")
+            place = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+            within = max(1.01 * place * ("." in mantissa), share * abs(float(number)), 1e-6)
+            assert float(value) == pytest.approx(float(number), abs=within), line

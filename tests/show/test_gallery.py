@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from figures import described
+from figures import check_same_text, described
 from gallery_inputs import COLUMNS, FAMILIES, NAMES, ROBOT, SIZING, Inputs
 
 from sdt_drake.analysis.illusions import feel
@@ -113,9 +113,14 @@ FIGURES = {
 }
 
 
+COMPARED = {"encoding": "utf-8", "check_fn": check_same_text}
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_figure(name, inputs, no_3d, file_regression):
-    file_regression.check(described(FIGURES[name](inputs)), basename=name, encoding="utf-8")
+    file_regression.check(
+        described(FIGURES[name](inputs)), basename=name, encoding="utf-8", check_fn=check_same_text
+    )
 
 
 # --- reports ---------------------------------------------------------------------------------
@@ -189,9 +194,17 @@ def normalised(text, folder):
 @pytest.mark.parametrize("name", REPORTS)
 def test_report(name, inputs, no_3d, undrawn, tmp_path, file_regression):
     text = normalised(REPORTS[name](inputs, tmp_path), tmp_path)
-    file_regression.check(text, basename=name, extension=".md", encoding="utf-8")
+    file_regression.check(
+        text, basename=name, extension=".md", encoding="utf-8", check_fn=check_same_text
+    )
 
 
 def test_report_of_the_paper(reproduced, file_regression):
     text = normalised((reproduced / "report.md").read_text(encoding="utf-8"), reproduced)
-    file_regression.check(text, basename="report_of_the_paper", extension=".md", encoding="utf-8")
+    file_regression.check(
+        text,
+        basename="report_of_the_paper",
+        extension=".md",
+        encoding="utf-8",
+        check_fn=check_same_text,
+    )
