@@ -92,8 +92,8 @@ def test_what_commands_print_and_write(name, here, call, desk, request, file_reg
         said += [f"$ sdt-drake {line}", *shown, done.err.rstrip()]
         said += [f"=> {done.code}", *(f"+ {in_short(path, desk)}" for path in new), ""]
     text = plain("\n".join(said), desk.parent)
-    # A search may end in another optimum with another BLAS.
-    check = partial(check_same_text, share=0.4 if name == "excite" else 2e-3)
+    # With another BLAS a search ends a little beside this optimum.
+    check = partial(check_same_text, share=0.02 if name == "excite" else 2e-3)
     file_regression.check(text, basename=name.replace(" ", "_"), check_fn=check)
 
 
