@@ -1,7 +1,5 @@
 """A block alone: what it is made from, and how it is asked without a simulator."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sdt_drake import systems

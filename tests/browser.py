@@ -1,7 +1,5 @@
 """A page in headless Chromium: what it shows, what it complains about, what it asks for."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import shutil

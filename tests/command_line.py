@@ -1,7 +1,5 @@
 """Small files for tests of commands, and fixtures that run a command in this process."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import re

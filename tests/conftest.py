@@ -1,7 +1,5 @@
 """Fixtures for all tests; heavy imports are within them, as pytest's first process needs none."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import io

@@ -1,7 +1,5 @@
 """What figures show, compared by their numbers and texts."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

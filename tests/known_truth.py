@@ -1,7 +1,5 @@
 """A robot that is known, and recordings of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

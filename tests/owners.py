@@ -1,7 +1,5 @@
 """Robots as their owners bring them: a rate table, arms with six and seven joints; no shapes."""
 
-from __future__ import annotations
-
 from math import pi
 
 HALF = pi / 2

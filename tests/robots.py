@@ -1,7 +1,5 @@
 """Robots of tests as texts: a planar arm with round numbers, and random chains."""
 
-from __future__ import annotations
-
 import atexit
 import functools
 import hashlib

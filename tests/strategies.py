@@ -3,8 +3,6 @@
 Hypothesis draws the choices; the numbers come from a seed that it draws, in general position.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 from robots import chain_names, chain_sdf, loaded

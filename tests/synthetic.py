@@ -1,7 +1,5 @@
 """A study as the runner would write it, of formulas instead of simulations."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sdt_drake.studies.table import StudyTable

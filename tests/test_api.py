@@ -1,7 +1,5 @@
 """`import sdt_drake as sdt`: names; objects in a line, as tables, as figures; wrong arguments."""
 
-from __future__ import annotations
-
 import ast
 import copy
 import dataclasses

@@ -1,7 +1,5 @@
 """The script in diagrams/, and what of its is committed."""
 
-from __future__ import annotations
-
 import os
 import re
 import runpy

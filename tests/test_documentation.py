@@ -1,7 +1,5 @@
 """README and the pages of the documentation, and the command that opens them."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import replace

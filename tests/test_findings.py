@@ -1,7 +1,5 @@
 """What diagrams/README.md says was found is what is computed, or what committed rows say."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

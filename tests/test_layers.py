@@ -1,7 +1,5 @@
 """Imports run in one direction only: the contracts of import-linter in pyproject.toml hold."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tutorial notebook: its cells run, print what is stored, and support its choice."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,7 +1,5 @@
 """Every shipped training motion: planned with both planners, drawn, and told."""
 
-from __future__ import annotations
-
 import runpy
 from dataclasses import replace
 from pathlib import Path

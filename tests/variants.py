@@ -1,7 +1,5 @@
 """Fields of scenarios, designs and recordings that tests vary."""
 
-from __future__ import annotations
-
 from dataclasses import MISSING, fields, replace
 
 from sdt_drake.run.simulate import Recording

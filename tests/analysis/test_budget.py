@@ -1,7 +1,5 @@
 """The error budget: its parts add up, and each is the one calculated by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from by_hand import GEAR, rk4

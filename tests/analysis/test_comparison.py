@@ -1,7 +1,5 @@
 """Controllers side by side: the same numbers as each of them alone."""
 
-from __future__ import annotations
-
 import copy
 import csv
 

@@ -1,7 +1,5 @@
 """Margins of coupled loops, and phases without jumps; other numbers are those of random loops."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linearised loops, against matrices by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """Frequency response, margins and simulated step of random loops, against python-control."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Loops with parts of different periods, against maps by hand, python-control and simulation."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest

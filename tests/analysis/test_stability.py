@@ -1,7 +1,5 @@
 """Stability with elastic joints, against maps by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from by_hand import ROTORS

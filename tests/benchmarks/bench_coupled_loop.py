@@ -12,8 +12,6 @@ Beside that: evaluations of the derivatives, the time of one, and the largest er
 the first 12 s against a run with the accuracy 1e-8.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 

@@ -8,8 +8,6 @@ error of the alignment. Shipped training motions, by their names, are found agai
 motion of the head.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import sys

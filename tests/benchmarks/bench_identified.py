@@ -10,8 +10,6 @@ intervals of 95 % hold the truth, and what two controllers make of the identifie
 
 # ruff: noqa: E402
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -7,8 +7,6 @@ machine.
 """
 # ruff: noqa: E402
 
-from __future__ import annotations
-
 import resource
 import sys
 import time

@@ -10,8 +10,6 @@ error is larger than the first's, or if the error still grows at the end: 4000 r
 motion are hours. Devices that are in the file already are left out, so it can be stopped and go on.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 from pathlib import Path

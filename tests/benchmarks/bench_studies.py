@@ -7,8 +7,6 @@ workers:  N coupled rows with one process and with two, alternately.
 cluster:  the same rows with two processes, and with two workers of a local Dask cluster.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from contextlib import closing

@@ -9,8 +9,6 @@ is, "also" if other suspicions are said beside it, "wrong" if only others are, "
 """
 # ruff: noqa: E402
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from itertools import product

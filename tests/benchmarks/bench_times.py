@@ -8,8 +8,6 @@ retiming is that of 2.95 rad/s on the planetary axis, which the limiter has to r
 all that `sdt-drake pilot` computes of a recording.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -6,8 +6,6 @@ Ratios depend less on the machine than times, so those of releases can be compar
 ten minutes of two cores that have nothing else to do.
 """
 
-from __future__ import annotations
-
 import csv
 import datetime
 import sys

@@ -1,7 +1,5 @@
 """What benchmarks share: medians, and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

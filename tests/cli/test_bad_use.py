@@ -4,8 +4,6 @@ The command lines are those of bad_use.yaml. Messages are compared with the file
 `--regen-all` renews them.
 """
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

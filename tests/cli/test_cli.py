@@ -1,7 +1,5 @@
 """`sdt-drake` as a program: help, completion, files, faults, streams."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

@@ -3,8 +3,6 @@
 Texts are compared with the files in test_commands/; `--regen-all` renews them.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Files that are written together: all or none, and none that could not be is computed."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

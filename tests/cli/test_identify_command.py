@@ -1,7 +1,5 @@
 """`sdt-drake identify` from end to end."""
 
-from __future__ import annotations
-
 import csv
 import re
 

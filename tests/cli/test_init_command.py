@@ -1,7 +1,5 @@
 """`init`: files to make one's own, every one of which runs."""
 
-from __future__ import annotations
-
 import re
 from operator import attrgetter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The process of `sdt-drake`: what it imports; signals at any moment, which leave nothing."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

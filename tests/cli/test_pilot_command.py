@@ -1,7 +1,5 @@
 """`sdt-drake pilot` as a user meets it."""
 
-from __future__ import annotations
-
 from importlib import import_module
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files of `sdt-drake reproduce`: written, replaced, and read again by `sdt-drake report`."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """`sdt-drake view` as a user meets it."""
 
-from __future__ import annotations
-
 import socket
 from pathlib import Path
 

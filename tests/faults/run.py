@@ -9,8 +9,6 @@ the screen and to --results. The test that is named there runs first, alone, the
 passes, those files of tests run that have most to do with the file of the fault.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import functools

@@ -1,7 +1,5 @@
 """Files at the boundary: what is read, what is written, and that the two stay apart."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from pathlib import Path

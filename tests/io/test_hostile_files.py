@@ -1,8 +1,6 @@
 """Files from elsewhere, perhaps hostile: any bytes give an object that can be written and read
 back, or an InputError."""
 
-from __future__ import annotations
-
 import functools
 import json
 import sqlite3

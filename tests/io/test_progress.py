@@ -1,7 +1,5 @@
 """How far long work is: the outermost work tells, on a line of the terminal."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

@@ -1,7 +1,5 @@
 """Names of what ships, everywhere the same, and fields of a scenario changed on the way in."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """--show and --out: figures on the screen and in files, and one line where there is no screen."""
 
-from __future__ import annotations
-
 import os
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,5 @@
 """Tables: exact in all formats, and every bad file is refused with its line."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

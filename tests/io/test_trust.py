@@ -1,7 +1,5 @@
 """Trust: what a scenario names as Python is run only once its user has said so."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

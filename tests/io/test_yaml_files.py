@@ -1,7 +1,5 @@
 """YAML at the boundary: large, deep and odd texts are refused before they cost anything."""
 
-from __future__ import annotations
-
 import pytest
 from pydrake.common.yaml import yaml_load_data
 

@@ -1,7 +1,5 @@
 """One device that is not quite as its file, and its identification."""
 
-from __future__ import annotations
-
 import pytest
 
 

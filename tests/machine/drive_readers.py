@@ -1,7 +1,5 @@
 """Readers of the files that an export writes, as a drive or a controller would read them."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """Simulated robots with a truth that is known, their recordings, and faults put in on purpose."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

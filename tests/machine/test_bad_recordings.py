@@ -1,7 +1,5 @@
 """What is said of recordings that something is wrong with."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is seen in a recording alone, before anything is fitted to it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import simulated_recordings as simulated

@@ -1,7 +1,5 @@
 """The chosen cut-off and speeds, and parts and blocks of long recordings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from known_truth import changed, motion, recorded_of

@@ -1,7 +1,5 @@
 """What drives read: integers from a motion, files, and what a loop makes of them."""
 
-from __future__ import annotations
-
 import csv
 import re
 

@@ -1,7 +1,5 @@
 """Recordings of flights: columns, units, axes, levers, and suspicions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """From a flight to a motion: limits at every 5 ms, figures recomputed, other robots, interrupts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

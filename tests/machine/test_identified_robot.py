@@ -1,7 +1,5 @@
 """The identified robot: payloads, friction of scenarios, motions as its limits require."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

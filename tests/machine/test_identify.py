@@ -1,7 +1,5 @@
 """What is identified, against a truth that is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

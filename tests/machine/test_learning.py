@@ -1,7 +1,5 @@
 """Learning from flights: loop models, filter, convergence, flights, and the command."""
 
-from __future__ import annotations
-
 import copy
 import signal
 from dataclasses import replace

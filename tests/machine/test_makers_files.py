@@ -1,7 +1,5 @@
 """What is identified where the robot's file leaves much out, and the recording has too much."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Learning from recordings of a real machine, here a simulated one with a recorder of its own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

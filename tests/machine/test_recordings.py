@@ -1,7 +1,5 @@
 """Recordings in files of others, messages about bad ones, and one of a real robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The regressor against Drake, and base parameters of random robots against their truth."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

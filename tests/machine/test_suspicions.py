@@ -1,7 +1,5 @@
 """What is said of recordings that are read otherwise than they are; the truth is known."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands and robots for the tests of the planners."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sdt_drake.motion import Command, Course, Motion

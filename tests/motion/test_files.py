@@ -1,7 +1,5 @@
 """Motions, their files, and what resampling loses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

@@ -1,7 +1,5 @@
 """Learned references: in loops, and as files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

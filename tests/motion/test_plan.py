@@ -1,7 +1,5 @@
 """Checks that all planners share, and margins against numbers by hand."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Both planners: laws for any robot and motion profile, closed forms, and refused motions."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion profiles: closed forms of the segments, G and alignment, the library, bad profiles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

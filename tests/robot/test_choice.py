@@ -1,7 +1,5 @@
 """The chosen device against calculations by hand, and the catalogue that it is chosen from."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Deviations of links in files as they are written, and edited robots."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction and springs of elastic joints against their formulas, and what is refused."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

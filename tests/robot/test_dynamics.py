@@ -1,7 +1,5 @@
 """Torque groups of a textbook arm, and published torques and inertias of the shipped device."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from robots import ARM, URDF, loaded

@@ -1,8 +1,6 @@
 """Files as they are published: rounded inertias, zeros of motors, wrists whose motors are
 coupled."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from robots import ARM, URDF, loaded, refused

@@ -1,7 +1,5 @@
 """Loading of robots: the shipped device, any serial chain, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from robots import ARM, URDF, loaded, refused

@@ -1,7 +1,5 @@
 """Laws that hold for every robot: dynamics, sides of the gears, Algorithm 1, head, deviations."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

@@ -1,7 +1,5 @@
 """Meshes of a robot's file: found beside it or in its package, or left out and named."""
 
-from __future__ import annotations
-
 import pytest
 from robots import URDF
 

@@ -1,7 +1,5 @@
 """What a URDF says is read as Drake reads it; what it cannot say is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw

@@ -1,7 +1,5 @@
 """The controllers alone: what they tell of themselves, and their systems against it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from alone import Alone

@@ -1,7 +1,5 @@
 """What a design computes for its loop, once; and what it refuses."""
 
-from __future__ import annotations
-
 import dataclasses
 import gc
 from functools import cached_property

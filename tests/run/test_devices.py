@@ -1,7 +1,5 @@
 """Controllers and drives in the loops, against calculations by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from by_hand import LIMIT

@@ -1,7 +1,5 @@
 """Elastic joints under a robot, against calculations by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from by_hand import GEAR, ROTORS

@@ -1,7 +1,5 @@
 """Controllers of one's own, from the Python file that a scenario names."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenarios: YAML in and out, paths, designs, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cheap inputs of the figures and reports in the gallery."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path

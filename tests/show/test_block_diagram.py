@@ -1,7 +1,5 @@
 """Pictures of diagrams: what is in them, their signs and names, and how they lie on a page."""
 
-from __future__ import annotations
-
 import itertools
 import random
 import re

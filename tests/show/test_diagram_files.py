@@ -1,7 +1,5 @@
 """Exported block diagrams: stable text, named blocks and ports, and the wires of the diagram."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """Reports as Markdown and as pages; the pages in a browser."""
 
-from __future__ import annotations
-
 import base64
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The gallery: what figures show and what reports say, committed; `--regen-all` renews it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The reference of all files says everything, and what is committed of it is what it says."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -1,7 +1,5 @@
 """A robot by itself: a page with sliders for its joints, and the same live."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from owners import RATE_TABLE, SEVEN

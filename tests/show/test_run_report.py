@@ -1,7 +1,5 @@
 """The report of a run: what it says, and its plots in a browser."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What pictures of a motion have in them: the device, the head in it, its specific force."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

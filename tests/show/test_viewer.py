@@ -1,7 +1,5 @@
 """The page that plays pictures of a motion, and pictures that are played live."""
 
-from __future__ import annotations
-
 import os
 import re
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A folder with short motions, base scenarios, and studies on them."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A job whose rows misbehave, for processes that need nothing else to be tested."""
 
-from __future__ import annotations
-
 import os
 import select
 import shutil

@@ -1,7 +1,5 @@
 """Short motions, base scenarios, and studies on them; what came out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow.parquet

@@ -1,7 +1,5 @@
 """Processes that run rows, here and on a cluster: they hang, they die, and the study goes on."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

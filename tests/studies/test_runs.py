@@ -1,7 +1,5 @@
 """Runs of a study in one process: rows, good and bad, loads of motors, and what a job holds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

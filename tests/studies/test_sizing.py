@@ -1,7 +1,5 @@
 """Sizing: files, what a table of runs says about the motors, and the command `size`."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import math

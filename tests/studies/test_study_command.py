@@ -1,7 +1,5 @@
 """`sdt-drake study` as a user meets it: what it refuses, what it shows, and nothing is lost."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Studies as data: distributions, draws, rows, fields, and what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from statistics import NormalDist

@@ -1,7 +1,5 @@
 """Whatever ends a study on its way: nothing is lost, and no process stays behind."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

@@ -1,7 +1,5 @@
 """The table of a study: designs and their front, statistics against closed forms, and reports."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from itertools import combinations

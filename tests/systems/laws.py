@@ -1,7 +1,5 @@
 """The law of every block, by hand in numpy: CASES."""
 
-from __future__ import annotations
-
 import itertools
 from functools import partial
 from types import SimpleNamespace

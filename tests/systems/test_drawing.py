@@ -1,7 +1,5 @@
 """Robots as they are drawn: shapes at their links; without shapes, rods, rings and arrows."""
 
-from __future__ import annotations
-
 import re
 import struct
 
