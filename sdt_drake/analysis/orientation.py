@@ -33,7 +33,10 @@ CAUTION = (
 """Caveat that accompanies every shown prediction."""
 
 MIN_PERIOD = 0.01
-"""Shortest sample period of the observer [s]; its senses have a cut-off of 2 Hz."""
+"""Shortest sample period of the observer [s]; its senses have a cut-off of 2 Hz.
+
+Where the accelerations of the reference motion jump, half of it changes felt rates by 0.7 deg/s.
+"""
 
 MAX_PERIOD = 0.1
 """Longest accepted sample period of a recording [s]; the senses follow faster motion."""
