@@ -105,7 +105,9 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
     days = _days(eq, x, weights, X, misfit)
     # The standard error of the mean over recordings is at least that of their spread.
     mean = np.sum(days**2, axis=0) / max(1, len(days) * (len(days) - 1))
-    wider = np.sqrt(np.maximum(1.0, mean / np.diagonal(covariance)))
+    variance = np.diagonal(covariance)
+    variance = np.where(variance > 0, variance, np.nan)  # 0: no data, so nothing is known
+    wider = np.sqrt(np.maximum(1.0, mean / variance))
     return Estimate(
         x[:r],
         tuple(chosen),
