@@ -79,6 +79,7 @@ def test_committed_rows_are_those_of_today(name):
 # --- the script ------------------------------------------------------------------------------
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("name", TRIED)
 def test_what_is_committed_is_what_the_script_draws_today(name, request, monkeypatch):
     """By the numbers and texts in it."""
@@ -94,6 +95,7 @@ def test_what_is_committed_is_what_the_script_draws_today(name, request, monkeyp
         assert np.degrees(np.abs(run.position_error)).max() < 0.03  # as is told of all of them
 
 
+@pytest.mark.documents
 def test_it_writes_all_of_a_figure_with_python_alone(tmp_path):
     command = [sys.executable, SCRIPT, "new", "--only", "figure5", "device"]
     subprocess.run(command, cwd=tmp_path, env=os.environ | {"PATH": ""}, check=True)

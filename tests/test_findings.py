@@ -21,6 +21,8 @@ from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
 from sdt_drake.studies.verdicts import judge_candidates, recommend
 
+pytestmark = pytest.mark.documents
+
 DIAGRAMS = Path(__file__).parents[1] / "diagrams"
 FINDINGS = (DIAGRAMS / "README.md").read_text(encoding="utf-8")
 STUDIES = DIAGRAMS / "studies"

@@ -13,6 +13,8 @@ import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Comparison
 from sdt_drake.show.view3d.viewer import Animation
 
+pytestmark = pytest.mark.documents
+
 NOTEBOOK = Path(__file__).parents[1] / "diagrams" / "tutorial.ipynb"
 CELLS = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
 CODE = [cell for cell in CELLS if cell["cell_type"] == "code"]
