@@ -127,9 +127,19 @@ def fly(
 ) -> Flown:
     """Find the motion of a device that is felt most like a flight.
 
-        flown = sdt.fly("sdt", "turn.csv")
-        print(flown)
-        flown.motion.to_csv("motion.csv")
+        >>> import numpy as np, sdt_drake as sdt
+        >>> from sdt_drake.machine.fly.flight import make_flight
+        >>> time = np.arange(0, 2.01, 0.05)
+        >>> pull = 1 + 0.1 * np.sin(np.pi * time / 2) ** 2  # G
+        >>> flight = make_flight(time, np.outer(pull, [0, 0, 9.81]), np.zeros((41, 3)))
+        >>> quick = {"approach": 2, "departure": 2, "knot": 0.5, "compare": False}
+        >>> flown = sdt.fly("sdt", flight, **quick)
+        >>> chosen, alignment, *_ = flown.options
+        >>> print(chosen.felt_rotation < 0.5 * alignment.felt_rotation)
+        True
+        >>> flown.motion.to_csv("motion.csv")
+
+    `sdt.fly("sdt", "turn.csv")` reads a recording. `print(flown)` compares the options.
 
     The same input gives the same motion. An interrupt (Ctrl-C) ends the search. The best motion so
     far is then changed to keep the limits.
