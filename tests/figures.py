@@ -31,11 +31,6 @@ def check_same_numbers(shown: list, expected: list, name: str) -> None:
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-3 * size, err_msg=name)
 
 
-def legend_texts(figure) -> list[str]:
-    """Of all legends of a figure."""
-    return [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
-
-
 def _legends(figure) -> list:
     return list(filter(None, [*figure.legends, *(ax.get_legend() for ax in figure.axes)]))
 

@@ -2,7 +2,6 @@
 
 import itertools
 import random
-import re
 from collections import Counter
 
 import pytest
@@ -18,8 +17,6 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from sdt_drake.robot.device import Friction
-from sdt_drake.run.loop import make_loop as closed_loop
 from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.show.diagrams import dot_text, laid_out
 from sdt_drake.show.diagrams import walk as walked
@@ -129,53 +126,6 @@ def test_what_only_a_log_reads_is_not_drawn_unless_nothing_is_read(read, drawn_b
     assert set(blocks_of(walk(diagram))) == drawn_blocks
 
 
-def test_depth_says_how_many_levels_are_opened():
-    closed, opened = walk(make_loop(), max_depth=0), walk(make_loop(), max_depth=1)
-
-    assert blocks_of(closed)["pi_speed_controller"].text == "pi speed\ncontroller"
-    assert "K_PS" not in blocks_of(closed) and "K_PS" in blocks_of(opened)
-    assert ("pi_speed_controller", "axis_process") in wires_of(closed)
-    assert [frame.title for frame in opened.frame.frames()] == ["step_loop", "pi_speed_controller"]
-
-
-@pytest.mark.parametrize("key", ["PiSpeedController", "Diagram.pi_speed_controller"])
-@pytest.mark.parametrize("symbol", ["PI", lambda system: f"{system.get_name()[:2].upper()}"])
-def test_a_diagram_with_a_symbol_is_never_opened(key, symbol):
-    blocks = blocks_of(walk(make_loop(), {key: symbol}, max_depth=9))
-    assert blocks["pi_speed_controller"].text == "PI" and "K_PS" not in blocks
-
-
-def test_a_line_downwards_leaves_a_sum_its_three_inputs():
-    diagram = wired(
-        ("total", Adder(3, 1), "in0 in1 in2 out1"),
-        ("low", Adder(1, 1), "x out0"),
-        ("back", Gain(1.0, 1), "in3 x"),
-        outputs=["out0", "out1"],
-    )
-
-    assert drawn(walk(diagram)).count(" -> ") == 7
-
-
-def test_no_frame_around_one_block_and_one_frame_around_one_frame():
-    inner = make_chain(Gain(1.0, 1), Integrator(1), name="inner")
-    inside = make_chain(inner)
-    one = make_chain(make_chain(Integrator(1)), Gain(1.0, 1))
-    two = make_chain(inside, Gain(1.0, 1))
-
-    assert [frame.path for frame in walk(one).frame.frames()] == [()]
-    assert [frame.title for frame in walk(two).frame.frames()] == ["chain", "s0: s0"]
-
-
-def test_what_leaves_a_frame_and_comes_back_into_it_is_fed_back():
-    error = ("error", Adder(2, 1), "reference tau e")
-    inner = wired(error, ("integral", Integrator(1), "e tau_cmd"), outputs=["tau_cmd"])
-    looped = wired(("controller", inner, "reference tau tau"))
-    picture = walk(wired(("around", looped, "reference")))
-
-    back = Layout(picture).back
-    assert [(wire.source[-1], wire.target[-1]) for wire in back] == [("integral", "error")]
-
-
 @pytest.mark.parametrize(
     ("system", "shape", "text"),
     [
@@ -193,14 +143,6 @@ def test_blocks_of_drake(system, shape, text):
     block = blocks_of(walk(make_chain(system)))["s0"]
 
     assert (block.shape, block.text) == (shape, text)
-
-
-def test_blocks_without_a_name_get_one():
-    builder = DiagramBuilder()
-    builder.ExportOutput(builder.AddSystem(ConstantVectorSource([1.0])).get_output_port(), "one")
-    text = drawn(walk(builder.Build()))
-
-    assert '"ConstantVectorSource_0"' in text and "0x" not in text
 
 
 # --- signs -----------------------------------------------------------------------------------
@@ -237,32 +179,6 @@ def test_minus_of_gains(systems, texts, signs):
 # --- names of signals ------------------------------------------------------------------------
 
 
-def test_signals_have_our_words_for_names():
-    picture = walk(make_loop())
-    labels = {path[-1]: label for (path, _), label in picture.labels.items() if label}
-
-    # A block names its signal itself if it can; 1/s and r are not the names of signals.
-    assert labels == {
-        "motor_speed_ref": "motor_speed_ref",
-        "motor_speed": "motor_speed",
-        "integral": "integral",
-        "tau_fb": "tau_fb",
-        "axis_process": "state",
-    }
-    text = drawn(picture)
-    assert len(re.findall(r"label=<τ<SUB>fb</SUB>>", text)) == 1
-    assert len(re.findall(r"label=<state>", text)) == 1
-
-
-@pytest.mark.parametrize(
-    "name, text", [("figure3", "dynamic\nsaturation"), ("coupled_loop", "saturation")]
-)
-def test_a_saturation_is_called_dynamic_where_its_limits_move(_reference_design, name, text):
-    picture = walk(DIAGRAMS[name](_reference_design))
-    blocks = {block.path[-1]: block.text for block in picture.frame.blocks()}
-    assert blocks["dynamic_saturation"] == text
-
-
 def test_greek_letters_and_subscripts():
     assert in_html("tau_cmd") == "τ<SUB>cmd</SUB>"
     assert in_html("K_IS/s") == "K<SUB>IS</SUB>/s"
@@ -281,30 +197,6 @@ def page(_reference_design):
     """The most crowded figure, and its positions and lines."""
     picture = walk(DIAGRAMS["figure6"](_reference_design))
     return picture, routed(picture)
-
-
-def test_the_flow_is_one_line_and_only_the_state_comes_back():
-    router = routed(walk(make_loop()))
-    line = ["step_reference", "motor_speed_ref", "speed_error", "integral", "K_IS", "tau_fb"]
-    rects = {path[-1]: rect for path, rect in router.rects.items()}
-
-    for before, path in itertools.pairwise([*line, "axis_process"]):
-        assert rects[before].right < rects[path].left and rects[before].y == rects[path].y
-    (wire,) = router.layout.back
-    assert (wire.source[-1], wire.target[-1]) == ("axis_process", "motor_speed")
-    lowest = max(rect.bottom for rect in rects.values())
-    assert max(y for _, y in router.lines[wire]) > lowest
-
-
-def test_blocks_stand_apart_and_in_their_frames(page):
-    picture, router = page
-    blocks = {block.path: router.rects[block.path] for block in picture.frame.blocks()}
-    frames = [frame.path for frame in picture.frame.frames() if frame.path]
-
-    for one, other in itertools.combinations(blocks.values(), 2):
-        assert not one.overlaps(other, 1)
-    for path, frame in itertools.product(blocks, frames):
-        assert blocks[path].overlaps(router.rects[frame]) == (path[: len(frame)] == frame)
 
 
 def test_lines_lead_from_block_to_block_without_running_on_others(page):
@@ -327,16 +219,6 @@ def check_lines(picture, router):
             used[min(a, b), max(a, b)] += 1
         earlier.update(line)
     assert set(router.lines) == set(picture.wires) and set(used.values()) == {1}
-
-
-def test_what_stands_highest_enters_a_sum_from_above_so_that_no_other_crosses_it(designed):
-    design = designed("coupled_pi", {"plant.friction": Friction([300.0] * 4)})
-    router = routed(walk(closed_loop(design)))
-    lines = {w.source[-1]: line for w, line in router.lines.items() if w.target[-1] == "true_load"}
-    (left, right), (before, (x, y)) = lines.values(), lines["friction"][-2:]
-
-    assert before == (x, y - 1)
-    assert not set(left) & set(right)
 
 
 def inside(rect, point):
@@ -375,13 +257,3 @@ def test_any_tangle_is_drawn(n, terms):
 
     assert len(router.lines) == n * terms + n
     check_lines(picture, router)
-
-
-def test_nothing_to_draw():
-    assert drawn(walk(make_chain(PassThrough(1)))) == 'digraph "chain" {\n}\n'
-
-
-def test_a_name_with_quotes():
-    text = drawn(walk(make_chain(Integrator(1), name='the "loop"')))
-
-    assert text.startswith('digraph "the \\"loop\\"" {\n')

@@ -2,8 +2,6 @@
 
 import base64
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,7 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sdt_drake.analysis.claims import VERDICTS
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Panel, Plots
@@ -133,22 +130,6 @@ def test_page_of_the_blocks(folder):
     assert '<a href="#section-1">One</a>' in two and '<section id="section-2"><h2>Two</h2>' in two
 
 
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
-        ("K_IS = omega_r² I_eff,max", "K<sub>IS</sub> = ω<sub>r</sub>² I<sub>eff,max</sub>"),
-        ("K_IS,4 is 2", "K<sub>IS,4</sub> is 2"),
-        ("the printed zeta", "the printed ζ"),
-        ("tau_coupled, tau_LD", "τ<sub>coupled</sub>, τ<sub>LD</sub>"),
-        ("pi_ctc zetas <b>", "pi_ctc zetas &lt;b&gt;"),
-    ],
-)  # fmt: skip
-def test_symbols_are_printed_as_in_equations(text, shown, folder):
-    markdown = rendered("# t\n\n## s\n\n{{ text }}", text=text)
-    assert f"<p>{shown}</p>" in doc.Report(markdown, folder, symbols=True).page()
-    assert "<sub>" not in doc.Report(markdown, folder).page()
-
-
 # --- what is not ours -------------------------------------------------------------------------
 
 # Wherever a report prints a name: of robots, joints, files, studies, inputs.
@@ -224,23 +205,6 @@ def test_data_of_plots_end_no_script(folder):
     markdown = "# t\n\n## s\n\n![c](p.png)"
     page = doc.Report(markdown, folder, {"p.png": plots}).page()
     assert page.count("</script>") == 2 and "<b>" not in page and "uPlot" in page
-
-
-def test_pictures_that_are_none_are_refused(tmp_path):
-    for text, reason in ((None, "is missing"), ("<svg", "not an SVG"), ("<a/>", "not an SVG")):
-        if text:
-            write_text(tmp_path / "a.svg", text)
-        with pytest.raises(InputError, match=rf"a\.svg: is .*{reason.removeprefix('is ')}"):
-            page_of(tmp_path, "# t\n\n![A](a.png)")
-
-
-def test_commands_that_write_no_report_need_no_engine_for_it():
-    """Tables are printed by all."""
-    code = (
-        "import sys, sdt_drake.show.reports.replay, sdt_drake.show.reports.study\n"
-        "assert not {'jinja2', 'markdown_it', 'markupsafe'} & set(sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 # --- in a browser ----------------------------------------------------------------------------

@@ -111,9 +111,6 @@ FIGURES = {
 }
 
 
-COMPARED = {"encoding": "utf-8", "check_fn": check_same_text}
-
-
 @pytest.mark.parametrize("name", FIGURES)
 def test_figure(name, inputs, no_3d, file_regression):
     file_regression.check(

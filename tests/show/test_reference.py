@@ -15,7 +15,6 @@ from sdt_drake.io.schema import parts
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.drive_files import Samples, write_drive_table
 from sdt_drake.motion import Motion
-from sdt_drake.robot import sdf
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.reference import FILES, SCHEMAS, TOPICS, schema_text, with_reference
 
@@ -101,12 +100,6 @@ def test_schemas_refuse_what_the_package_refuses(topic, name, right, wrong, tmp_
     assert not validator(json.loads(schema_text(topic))).is_valid(yaml.load(text, Yaml12))
 
 
-def test_a_controller_of_ones_own_is_taken_with_its_file():
-    check = validator(json.loads(schema_text("scenario")))
-    assert check.is_valid({"controller": {"kind": "mine", "file": "mine.py"}})
-    assert not check.is_valid({"controller": {"kind": "mine"}})
-
-
 def header(path):
     return path.read_text(encoding="utf-8").splitlines()[0].split(",")
 
@@ -125,12 +118,6 @@ def test_columns_of_tables_are_those_of_the_files(robot, tmp_path):
         assert list(dict.fromkeys(names)) == header(file)
 
 
-def test_elements_of_a_robot_are_all_that_the_check_knows():
-    (elements,) = TOPICS["robot"]().sheets
-    told = {row[0].split("/")[-1] for row in elements.rows} | {"iyy", "izz", "ixy", "ixz", "iyz"}
-    assert set(sdf._COUNTS) - set(sdf._ZERO) <= told
-
-
 def test_command(tmp_path, capsys):
     for topic in TOPICS:
         assert main(["reference", topic]) == 0
@@ -143,20 +130,3 @@ def test_command(tmp_path, capsys):
     assert len(list((tmp_path / "all").rglob("*.json"))) == len(FILES)
     assert main(["reference", "motion", "--out", str(tmp_path / "motion.json")]) == 0
     assert json.loads((tmp_path / "motion.json").read_text())["required"] == ["duration"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["scenarios"], "TOPIC: 'scenarios', expected one of scenario, "),
-        (["robot", "--out", "a.json"], "a.json: robot has no JSON Schema, expected one of "),
-        (["robot", "--out", "a.txt"], "a.txt: unknown kind of file, expected .md, .json"),
-        (["--out", "."], "README.md: expected one line <!-- reference: "),
-    ],
-)
-def test_refusals(arguments, line, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "README.md").write_text("# Mine\n")
-    assert main(["reference", *arguments]) == 2
-    assert line in capsys.readouterr().err
-    assert [file.name for file in tmp_path.iterdir()] == ["README.md"]

@@ -77,16 +77,6 @@ def test_numbers_of_the_rate_table(tmp_path):
     assert link_table(links).rows[0] == ("outer", "180", "0, 0, 0", axes)
 
 
-def test_ellipsoids_have_the_inertia_of_their_links(own):
-    for link in moving_links(own):
-        a, b, c = link.semi_axes**2 * link.mass / 5
-        turned = link.turned.matrix()
-        inertia = turned @ np.diag([b + c, a + c, a + b]) @ turned.T
-        body = own.plant.GetBodyByName(link.name).default_spatial_inertia()
-        expected = body.Shift(body.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-        np.testing.assert_allclose(inertia, expected, atol=1e-9)
-
-
 def test_sliders_of_drake_move_the_robot_and_what_is_drawn_beside_it(own, monkeypatch):
     made, told = [], []
 

@@ -1,8 +1,6 @@
 """The report of a run: what it says, and its plots in a browser."""
 
 import re
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,20 +121,3 @@ def test_grey_ground_is_drawn_where_it_is_marked(open_page, tmp_path):
           share * canvas.width, 0.3 * canvas.height, 1, 1).data[3])"""
         marked, other = page.locator(".uplot canvas").evaluate(shades)
         assert marked > 20 and other == 0 and errors == []
-
-
-def test_a_report_of_what_cannot_be_linearised_and_has_no_pilot(good, desk, given):
-    shutil.copy(Path(__file__).parents[1] / "own_controllers.py", desk.parent / "given" / "own.py")
-    heavier = "{inertia_scale: 1.1}"
-    controller = f"{{kind: proportional, file: own.py, omega_r: 66, model: {heavier}}}"
-    plant = f"{{kind: coupled, deviation: {heavier}}}"
-    text = f"robot: arm.sdf\nmotion: arm.yaml\nplant: {plant}\ncontroller: {controller}\n"
-    good("simulate", given("own.yaml", text), "--joint", "2", "--out", "new/own.md", "--trust")
-    written = (desk / "new" / "own.md").read_text(encoding="utf-8")
-    assert "There is no linear analysis: controller.kind proportional" in written
-    assert "pilot" not in written.lower().replace("the pilot's", "")
-    shown = re.findall(r"\]\((own_\w+\.(?:png|html))\)", written)
-    assert shown == ["own_joint_2.png", "own_torque.png", "own_3d.html"]
-    assert {path.name for path in (desk / "new").iterdir()} == {"own.md", *shown}
-    assert re.search("controller's model.*exact", written)  # as wrong as what moves
-    assert written.startswith("# own: proportional on the coupled plant\n")

@@ -8,13 +8,11 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
-from robots import ARM, URDF
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.robot.robot import load_robot, parts_of
+from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import scene as scene_module
 from sdt_drake.show.view3d.scene import (
-    FIELD_OF_VIEW,
     FRAME_RATE,
     METRES_PER_G,
     Scene,
@@ -22,8 +20,6 @@ from sdt_drake.show.view3d.scene import (
     felt_rotation,
     make_frames,
 )
-from sdt_drake.show.view3d.viewer import record_html
-from sdt_drake.systems.robot_drawing import add_robot_drawing
 
 TIME = np.arange(401) * 0.005  # 2 s
 
@@ -105,107 +101,9 @@ def test_arrow_points_along_the_force(force):
     np.testing.assert_allclose(tip - [1.0, 2.0, 3.0], expected, rtol=1e-3, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("change", "part"),
-    [
-        (lambda t, q: (t[:2], q[:2]), "at least three samples"),
-        (lambda t, q: (np.where(t == 1, np.nan, t), q), "at least three samples"),
-        (lambda t, q: (t * 1801, q), "lasts 3602 s, expected at most 3600 s"),
-        (lambda t, q: (t, q[:, :3]), "expected (401, 4)"),
-        (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "not finite"),
-    ],
-)
-def test_refuses_what_is_no_motion_of_the_robot(robot, tmp_path, change, part):
-    time, q = change(TIME, smooth(robot)[0])
-    with pytest.raises(InputError, match=re.escape(part)):
-        record_html(robot, time, q, tmp_path / "a.html")
-    assert list(tmp_path.iterdir()) == []
-
-
-def with_shape(folder, shape):
-    """A planar arm, its upper link drawn as `shape`."""
-    visual = f'<visual name="v"><geometry>{shape}</geometry></visual>'
-    path = folder / "arm.sdf"
-    path.write_text(ARM.replace('<link name="upper">', f'<link name="upper">{visual}'), "utf-8")
-    return load_robot(path)
-
-
 @pytest.fixture
 def draw(meshcat):
     return lambda robot: Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), meshcat)
-
-
-@pytest.mark.parametrize(
-    "shape, message",
-    [
-        ("<sphere><radius>nan</radius></sphere>", "<visual> cannot be drawn .*radius = nan"),
-        ("<sphere><radius>1e300</radius></sphere>", "at most 1000 m to show"),
-        ("<plane><normal>0 0 0</normal></plane>", "<visual> cannot be drawn .*norm"),
-        ("<mesh><uri>arm.obj</uri></mesh>", "<visual> cannot be drawn .*three vertices"),
-    ],
-)
-def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, draw, shape, message):
-    (tmp_path / "arm.obj").write_text("v 0 0 x\n")
-    with pytest.raises(InputError, match=message) as caught:
-        draw(with_shape(tmp_path, shape))
-    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
-
-
-@pytest.mark.parametrize("mesh", ["none.obj", "arm.stl"])
-def test_a_mesh_that_cannot_be_drawn_is_left_out_and_named(tmp_path, draw, caplog, mesh):
-    (tmp_path / "arm.stl").touch()
-    draw(with_shape(tmp_path, f"<mesh><uri>{mesh}</uri></mesh>"))
-    assert [r.message.partition("': mesh ")[2].split()[0] for r in caplog.records] == [mesh]
-
-
-def test_a_mesh_is_drawn_from_a_folder_with_blanks(tmp_path, meshcat):
-    (tmp_path / "my arm.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "utf-8")
-    robot = with_shape(tmp_path, "<mesh><uri>my arm.obj</uri></mesh>")
-    _, _, own = add_robot_drawing(DiagramBuilder(), robot=robot, meshcat=meshcat)
-    assert own
-
-
-def test_a_robot_with_nothing_but_a_plane_gets_a_skeleton(tmp_path, draw):
-    draw(with_shape(tmp_path, "<plane><normal>0 0 1</normal><size>1 1</size></plane>"))
-
-
-def test_the_last_link_of_a_skeleton_is_drawn(tmp_path, meshcat):
-    """Else nothing would be seen of the last joint, and of a robot with a single one."""
-    (tmp_path / "arm.urdf").write_text(URDF, "utf-8")
-    robot = load_robot(tmp_path / "arm.urdf")
-    builder = DiagramBuilder()
-    plant, scene_graph, _ = add_robot_drawing(builder, robot=robot, meshcat=meshcat)
-    inspector, body = scene_graph.model_inspector(), plant.GetBodyByName("lower")
-    rods = [g for g in plant.GetVisualGeometriesForBody(body) if "rod" in inspector.GetName(g)]
-    pose, length = inspector.GetPoseInFrame(rods[0]), inspector.GetShape(rods[0]).length()
-    np.testing.assert_allclose(pose @ [0, 0, length / 2], parts_of(body)[1], atol=1e-12)
-    np.testing.assert_allclose(pose @ [0, 0, -length / 2], np.zeros(3), atol=1e-12)
-
-
-@pytest.mark.parametrize("reach", [0.1, 3.0])
-def test_the_head_and_its_arrow_are_in_the_picture(tmp_path, meshcat, reach):
-    frame = f'<frame name="head" link="lower" xyz="{reach} 0 0" rpy="0 0 0"/></robot>'
-    (tmp_path / "arm.urdf").write_text(URDF.replace("</robot>", frame), "utf-8")
-    robot = load_robot(tmp_path / "arm.urdf")
-    frames = make_frames(robot, TIME, smooth(robot)[0])
-    scene, head = Scene(robot, frames, meshcat), frames.head
-    ends = [arrow_pose(*both) for both in zip(head.position, head.force_in_world, strict=True)]
-    seen = np.array([*head.position, *(pose @ [0, 0, length] for pose, length in ends)])
-    forward = (scene.target - scene.eye) / np.linalg.norm(scene.target - scene.eye)
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    across, ahead = (seen - scene.eye) @ right, (seen - scene.eye) @ forward
-    above = (seen - scene.eye) @ np.cross(right, forward)
-    half = np.tan(np.radians(FIELD_OF_VIEW / 2)) * (1 + 1e-9)
-    assert np.all(np.abs(above) <= half * ahead) and np.all(np.abs(across) <= 1.3 * half * ahead)
-
-
-def test_a_urdf_is_drawn_with_its_root_fixed(tmp_path, draw):
-    path = tmp_path / "arm.urdf"
-    path.write_text(
-        URDF.replace('<link name="base"/>', f'<link name="base">{BALL}</link>'), "utf-8"
-    )
-    draw(load_robot(path))
 
 
 BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.run.simulate import simulate
-from sdt_drake.show.figures.runs import scope
 from sdt_drake.show.figures.scope import joint_columns, limits_along
 from sdt_drake.show.panels import Plots
 
@@ -43,11 +41,3 @@ def test_a_single_period_in_saturation_is_seen(run):
     assert speed.spans() == [(recording.time[4], recording.time[5])]
     (sent,) = Plots([[speed]]).data()["panels"]
     assert sent["marked"] == speed.spans() and sent["title"] == speed.title
-
-
-def test_a_joint_or_a_design_that_does_not_fit_is_refused(run):
-    design, recording = run
-    with pytest.raises(InputError, match="joint: 5, expected 1 to 4"):
-        scope("one", recording, design, 5)
-    with pytest.raises(InputError, match=r"design: 4 joint\(s\), expected 1"):
-        scope("other", replace(recording, q=recording.q[:, :1]), design)

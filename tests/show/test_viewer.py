@@ -8,27 +8,13 @@ import numpy as np
 import pytest
 from test_scene import TIME, smooth
 
-from sdt_drake.analysis.illusions import true_attitude
-from sdt_drake.analysis.orientation import CAUTION
-from sdt_drake.io.errors import InputError
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
-from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import viewer
 from sdt_drake.show.view3d.scene import ARROW, FRAME_RATE, METRES_PER_G, Scene, make_frames
 from sdt_drake.show.view3d.viewer import record_html
 
 EVIL = "</script><b onload='x'>"
 SMALL = {"width": 200, "height": 130}  # WebGL in software is slow
-
-
-def without_head(folder):
-    """A copy of the shipped robot's file in which nobody sits, with no visual either."""
-    text = load_robot().path.read_text(encoding="utf-8")
-    text = re.sub(r"<frame name=.head.*?</frame>", "", text, flags=re.S)
-    text = re.sub(r"<visual .*?</visual>", "", text, flags=re.S)
-    path = folder / "other.sdf"
-    path.write_text(text, encoding="utf-8")
-    return load_robot(path)
 
 
 # --- the page -----------------------------------------------------------------------------------
@@ -135,23 +121,6 @@ def test_page_plays_alone(page, robot, page_file):
     assert len(set(before)) > 50 and colours(page) != before
 
 
-def test_player_fits_a_phone(page):
-    seek(page, 0.4)
-    page.set_viewport_size({"width": 390, "height": 844})
-    slider, *others = (
-        page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
-    )
-    assert slider["width"] > 300 and slider["height"] >= 24
-    for box in others:  # below it, and on the screen
-        assert box["y"] >= slider["y"] + slider["height"]
-        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
-        assert box["y"] + box["height"] <= 844
-    page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
-    assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
-    page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
-    page.set_viewport_size(SMALL)
-
-
 def test_page_tells_angles_g_and_segments(page, robot):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
@@ -173,36 +142,6 @@ def test_page_tells_angles_g_and_segments(page, robot):
             "roll", going[0], "yaw", going[1],
         ]  # fmt: skip
     assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
-
-
-def test_page_shows_felt_beside_true_attitude(page, robot):
-    frames = make_frames(robot, TIME, smooth(robot)[0])
-    felt, head = frames.felt, frames.head
-    true = np.degrees(true_attitude(head))
-    assert "felt attitude" in page.inner_text("#sdt-legend")
-    legend = page.inner_text("#sdt-legend")
-    assert CAUTION in legend
-    assert "A <b> lean. clark2019 does not predict the illusion: yaw rate felt at" in legend
-    for k in (15, 55):
-        seek(page, frames.time[k])
-        np.testing.assert_allclose(place_of(page, ["felt"]), head.position[k], atol=1e-4)
-        m = page.evaluate("viewer.scene_tree.find(['felt']).object.matrixWorld.elements")
-        axes = np.array([[x, -z, y] for x, y, z in (m[0:3], m[4:7], m[8:11])])  # in the world
-        np.testing.assert_allclose(axes.T @ felt.gravity[k], [0, 0, -1], atol=2e-3)
-        own = np.degrees([felt.roll[k], felt.pitch[k]])
-        page.wait_for_function(
-            """told => `${told}` ===
-              `${Array.from(document.querySelectorAll("#sdt-felt td"), x => x.innerText)}`""",
-            arg=[
-                text
-                for name, a, b in zip(("roll", "pitch"), own, true[:, k], strict=True)
-                for text in (f"{name}, felt | true", f"{a:.1f}° | {b:.1f}°")
-            ],
-        )
-    shown = "viewer.scene_tree.find(['felt']).object.visible"
-    assert page.evaluate(shown)
-    page.click("#sdt-view")
-    assert not page.evaluate(shown)  # it would be around the camera
 
 
 def test_pilots_view_rides_along(page, robot, meshcat):
@@ -232,27 +171,6 @@ def test_a_page_leaves_no_server(robot, tmp_path):
     before = threads()
     record_html(robot, TIME, smooth(robot)[0], tmp_path / "a.html")
     assert threads() <= before
-
-
-def test_robot_without_a_head_and_visuals_and_a_browser_without_webgl(open_page, tmp_path):
-    other = without_head(tmp_path)
-    q = smooth(other)[0]
-    frames = make_frames(other, TIME, q)
-    assert frames.head is None
-    record_html(other, TIME, q, tmp_path / "a.html")
-    with pytest.raises(InputError, match="no pilot's head"):
-        record_html(other, TIME, q, tmp_path / "b.html", pilot=True)
-    assert not (tmp_path / "b.html").exists()
-    with open_page(tmp_path / "a.html", **SMALL) as (page, errors, requests):
-        assert not page.is_visible("#sdt-view") and not page.is_visible("#sdt-meter")
-        seek(page, 1.0)
-        names = page.evaluate("Object.keys(viewer.scene_tree.children)")
-        assert "robot" in names and not {"trace", "arrow", "head", "felt"} & set(names)
-        assert errors == [] and requests == []
-        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-        page.reload()
-        assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
-        assert page.is_disabled("#sdt-play")
 
 
 # --- live -----------------------------------------------------------------------------------------
