@@ -1,6 +1,5 @@
 """`sdt-drake` as a program: help, completion, files, faults, streams."""
 
-import io
 import os
 import re
 import resource
@@ -88,14 +87,6 @@ def test_a_disk_that_is_full_on_the_way(refuse, line, monkeypatch):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-def test_home_of_a_user(good, refuse, desk, monkeypatch):
-    """As the shell has it in `--out ~/x`, but not in `--out=~/x`."""
-    monkeypatch.setenv("HOME", str(desk / "home"))
-    good("diagram", RUN, "--out=~/loop.dot")
-    assert (desk / "home" / "loop.dot").is_file() and not (desk / "~").exists()
-    refuse("step", "--out=~nobody_of_that_name/o.png", saying=["~nobody_of_that_name/o.png: "])
-
-
 def test_a_name_does_not_lead_out_of_the_folder(good, desk, given):
     """A scenario from somebody else must not choose where `diagram` writes."""
     good("diagram", given("evil.yaml", f"{SCENARIO}name: ../escaped\n"))
@@ -123,21 +114,7 @@ def test_a_fault_is_one_short_line_and_a_warning_another(call, monkeypatch):
     assert call("step", "--zeta", "1") == (1, "done\n", "sdt-drake: warning: two lines\n")
 
 
-def test_a_folder_that_is_gone(call, desk):
-    (desk / "gone").mkdir()
-    os.chdir(desk / "gone")
-    (desk / "gone").rmdir()
-    refused(call("step"), "the current folder does not exist")
-
-
 # --- streams --------------------------------------------------------------------------------------
-
-
-def test_a_terminal_that_knows_ascii_only(monkeypatch):
-    terminal = io.TextIOWrapper(io.BytesIO(), "ascii")
-    monkeypatch.setattr(sys, "stdout", terminal)
-    assert cli.main(["step", "--help"]) == 0
-    assert b"kg m" in terminal.buffer.getvalue()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")

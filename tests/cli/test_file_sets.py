@@ -32,16 +32,6 @@ def write(folder: Path, *names: str) -> None:
             write_text(new / name, "new")
 
 
-def test_a_set_is_replaced_and_the_rest_stays(folder):
-    (folder / "linked").write_text("old")
-    (folder / "b.csv").symlink_to("linked")
-    write(folder, "a.csv", "b.csv", "below/c.csv")
-    assert command_line.snapshot(folder) == {
-        "a.csv": b"new", "linked": b"new", "notes": b"old", "below": None, "below/c.csv": b"new",
-    }  # fmt: skip
-    assert (folder / "b.csv").is_symlink()
-
-
 @pytest.mark.parametrize("there", [True, False])
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
 def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
@@ -84,8 +74,3 @@ def test_what_cannot_be_replaced_is_told_before_anything_is_computed(
         (desk / "out" / name).mkdir(parents=True)
         refuse(*line.split(), "--out", "out", saying=[f"out/{name}: is a folder, expected a file"])
         (desk / "out" / name).rmdir()
-
-
-def test_a_folder_that_cannot_be_written_to_is_told_before(refuse, monkeypatch):
-    monkeypatch.setattr("sdt_drake.cli.common.os.access", lambda *_: False)
-    refuse("reproduce", saying=[".: cannot be written to"])

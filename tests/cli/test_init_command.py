@@ -1,7 +1,6 @@
 """`init`: files to make one's own, every one of which runs."""
 
 import re
-from operator import attrgetter
 from pathlib import Path
 
 import command_line
@@ -86,33 +85,3 @@ def test_files_of_a_robot_of_ones_own_fit_it_and_run(good, desk, monkeypatch, na
         schema = Path(text.splitlines()[0].split("$schema=")[1])
         assert not schema.is_absolute() and str(desk) not in text
         assert schema.read_text() == (models_dir() / schema).read_text()
-
-
-def test_meshes_are_found_from_the_new_folder(good, desk):
-    (desk / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "utf-8")
-    mesh = '<visual><geometry><mesh filename="a.obj"/></geometry></visual></link>'
-    text = owners.RATE_TABLE.replace('</link>\n  <joint name="outer', f'{mesh}<joint name="outer')
-    (desk / "own.urdf").write_text(text, encoding="utf-8")
-    good("init", "--robot", "own.urdf", "deep/m")
-    assert 'filename="../../a.obj"' in (desk / "deep/m/own.urdf").read_text("utf-8")
-
-
-COMMENTED = {  # by what --robot has; a field that is on then, and its value
-    None: ("device.motors", ["", "", "T-400"]),
-    "own.urdf": ("plant.friction.coulomb", [0, 0, 0]),
-}
-
-
-@pytest.mark.parametrize("robot", COMMENTED)
-def test_lines_that_are_commented_out_are_right_too(good, desk, monkeypatch, robot):
-    (desk / "own.urdf").write_text(owners.RATE_TABLE, encoding="utf-8")
-    good("init", "m", *(["--robot", robot] if robot else []))
-    monkeypatch.chdir(desk / "m")
-    text = Path("scenario.yaml").read_text(encoding="utf-8")
-    every = re.sub(r"^( *)# (?=[a-z]\w*:)", r"\1", text, flags=re.MULTILINE)
-    every = re.sub(r"^( *)#   (?=[a-z]\w*:)", r"\1  ", every, flags=re.MULTILINE)
-    Path("every.yaml").write_text(every, encoding="utf-8")
-    field, value = COMMENTED[robot]
-    assert attrgetter(field)(load_scenario("every.yaml")) == value
-    assert attrgetter(field)(load_scenario("scenario.yaml")) != value
-    assert load_scenario("every.yaml").torque_margin == 0.9

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.illusions import feel
-from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.analysis.perception import canals
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.tables import read_table
@@ -37,18 +36,6 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
         for name, values in (signals | {f"felt_{x}": y for x, y in felt.items()}).items():
             np.testing.assert_array_equal(columns[name + suffix], values)
     np.testing.assert_array_equal(columns["multiple"], head.felt.multiples)
-
-
-def test_validate_begins_with_the_verdict(good, desk, monkeypatch, robot):
-    """Of one parameter set and one training motion: all of them take long."""
-    reported, found = (import_module(f"sdt_drake.analysis.{x}") for x in ("reported", "illusions"))
-    own = reported.validate(["slow_yaw"])
-    monkeypatch.setattr(reported, "validate", lambda: own)
-    one = found.intended_illusion("post_roll", robot, ["slow_yaw"])
-    monkeypatch.setattr(found, "intended_illusions", lambda robot: [one])
-    out = " ".join(good("pilot", "--validate").out.split())
-    assert out.startswith(reported.verdict_of_all(own)[:40])
-    assert "yaw_start" in out and out.endswith(" ".join(CAUTION.split()))
 
 
 def test_that_no_illusion_is_predicted_is_told(good, recording, monkeypatch):

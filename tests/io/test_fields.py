@@ -17,8 +17,7 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
 from sdt_drake.machine.learn.state import FlightRecord
 from sdt_drake.machine.recordings import Columns
-from sdt_drake.motion.profile import MotionProfile, Track
-from sdt_drake.motion.segments import Hold, Knots
+from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import DisturbanceChoice, Scenario, load_scenario, with_fields
@@ -124,20 +123,6 @@ def test_every_field_takes_its_limits_and_refuses_wrong_values_as_editors_do(mod
 # --- what is told ----------------------------------------------------------------------------
 
 
-def test_a_file_becomes_an_object():
-    segments = [{"_tag": "!Hold", "duration": 2}, {"_tag": "!Knots", "knots": [[0, 1], [1, 1]]}]
-    data = {"duration": "1e1", "tracks": [{"joint": "yaw", "segments": segments}]}
-    profile = made(MotionProfile, data, FILE)
-    track = Track(joint="yaw", segments=[Hold(duration=2.0), Knots(knots=[[0.0, 1.0], [1.0, 1.0]])])
-    assert profile == MotionProfile(duration=10.0, tracks=[track])
-    numbers = profile.duration, *profile.tracks[0].segments[1].knots[0]
-    assert [type(x) for x in numbers] == [float] * 3
-    profile.joints.append(1)
-    assert MotionProfile(duration=1.0).joints == []
-    empty = made(Scenario, {"plant": None, "robot": "its.sdf"}, FILE)
-    assert empty == Scenario(robot="/runs/its.sdf")
-
-
 WRONG = {
     "nam": 1, "name": 2, "joints": [{"_tag": "!Knots", "knots": [[1, "a"]]}],
     "tracks": [{"segments": [{"_tag": "!Hold"}, {"_tag": "!Oval"}], "depth": 3}],
@@ -237,14 +222,3 @@ def test_what_the_kind_of_controller_or_plant_would_not_use(kinds, field, value,
         check(scenario("coupled_pi", fields), n=4)
         with pytest.raises(InputError, match=f"^{field}: {re.escape(line.format(kind))}.*$"):
             check(scenario("coupled_pi", fields | {field: value}), n=4)
-
-
-def test_every_other_kind_is_for_the_axis_plant():
-    for kind in {*CONTROLLERS} - {"inverse_dynamics"}:
-        check(scenario("axis_pi", {"controller.kind": kind}))
-
-
-def test_whole_fractions_of_the_interpolation_period_are_taken():
-    # 5 ms / 3 is no short decimal, 0.3 ms / 3 is no whole binary multiple.
-    for period, divisor in ((0.005, 3), (0.005, 40), (0.007, 7), (1 / 300, 3), (0.012, 40)):
-        check(scenario("axis_pi", {"period": period, "drive.period": period / divisor}))

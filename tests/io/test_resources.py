@@ -1,11 +1,9 @@
 """Names of what ships, everywhere the same, and fields of a scenario changed on the way in."""
 
-import re
 from collections import Counter
 
 import pytest
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import SHIPPED, find_file, models_dir, named, shipped
 from sdt_drake.run.scenario import load_scenario
 
@@ -24,14 +22,6 @@ MISSING = [
     ("./mine", "scenario", "no such file, did you mean './mine.yaml'? (looked in "),
     ("package://sdt/sdt.sd", "", "no such file, did you mean 'package://sdt/sdt.sdf'? (loo"),
 ]
-
-
-@pytest.mark.parametrize(("text", "kind", "message"), MISSING)
-def test_what_is_not_there_is_told_with_its_like(text, kind, message, tmp_path, monkeypatch):
-    (tmp_path / "mine.yaml").touch()
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=f"^{text}: {re.escape(message.format(tmp_path))}"):
-        find_file(text, kind)
 
 
 # --- --set ----------------------------------------------------------------------------------------
