@@ -12,16 +12,8 @@ from sdt_drake.machine.identify.filtering import smooth, stretches
 from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.suspicions import suspicious_torques
-from sdt_drake.machine.recordings import Recorded, check_recording
+from sdt_drake.machine.recordings import Recorded
 from sdt_drake.show.reports.identification import friction_table
-
-
-def test_motors_at_their_limits_are_named(robot, true):
-    recorded, limit = recorded_of(true, seconds=8.0), robot.effort_limit * 0.1
-    tau = np.clip(recorded.signals["tau"], -limit, limit)
-    weak = replace(robot, effort_limit=limit)
-    kinds = [(x.kind, x.text) for x in check_recording(weak, changed(recorded, tau=tau))]
-    assert any(kind == "limit" and "motor 2" in text for kind, text in kinds)
 
 
 def test_a_sign_is_wrong_where_friction_drives_beyond_its_error(robot, found):

@@ -42,21 +42,6 @@ def test_a_fault_is_named_with_what_to_write(arm, fault):
     assert bool(write) == (" in the mapping file)" in str(said[0]))
 
 
-def test_numbers_are_the_evidence(arm):
-    time = arm.recorded.time
-    (clock,) = found(arm, simulated.clock(arm, np.random.default_rng(0)))
-    assert clock.number == pytest.approx(0.5, rel=0.01)
-    (behind,) = found(arm, simulated.speeds_late(arm, np.random.default_rng(0)))
-    assert behind.number == pytest.approx(0.04, rel=0.05)
-    (lost,) = found(arm, simulated.missing(arm, np.random.default_rng(0)))
-    assert lost.number == pytest.approx(2.0, rel=0.2)
-    (held,) = found(arm, simulated.held(arm, np.random.default_rng(0)))
-    period = float(np.median(np.diff(time)))
-    assert f"torque_delay: {1.5 * period:.3g}" == held.write
-    (rounded,) = found(arm, simulated.rounded(arm, np.random.default_rng(0)))
-    assert float(rounded.write.rpartition(" ")[2]) == pytest.approx(1 / period, rel=1e-3)
-
-
 @pytest.mark.parametrize("name", simulated.ROBOTS)
 def test_nothing_is_said_of_clean_recordings(name):
     truth = simulated.truth(name, 20)

@@ -53,13 +53,6 @@ def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
     assert found.speeds and "recorded speeds are used" in " / ".join(found.notes)
 
 
-def test_held_out_data_do_not_change_the_cutoff(robot, clean):
-    tau = clean.signals["tau"].copy()
-    tau[1400:] += 1e3 * np.random.default_rng(4).normal(size=tau[1400:].shape)
-    one, other = (identify(robot, [x]) for x in (clean, changed(clean, tau=tau)))
-    assert one.cutoff == other.cutoff
-
-
 def test_columns_in_blocks_are_those_of_all(robot, true, monkeypatch):
     (stretch,), _ = stretches(recorded_of(true))
     arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0

@@ -209,14 +209,6 @@ def test_what_a_drive_does_not_read_may_be_beyond_its_bits(robot, motion):
         set_points(robot, drives_with(objects=unread, maximum_torque=[1e-3] * 4, **rated), samples)
 
 
-@pytest.mark.parametrize(("first", "last", "told"), [(0.1, 0, "starts at 0.1"), (0, 0.1, "ends")])
-def test_no_drive_starts_or_ends_in_motion(robot, first, last, told):
-    v = np.zeros((11, 4))
-    v[0, 1], v[-1, 1] = first, last
-    with pytest.raises(InputError, match=f"joint 2 'roll' {told}.*, expected rest"):
-        samples_of(robot, Motion.from_speeds(0.005, np.zeros(4), v), 0.001)
-
-
 AXIS = "{increments: 4096, rated_torque: 10"
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from command_line import ARM
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.machine.identify.excitation import _SEARCH, GENTLY, RATE, excite
+from sdt_drake.machine.identify.excitation import _SEARCH, RATE, excite
 from sdt_drake.machine.identify.limits import Limits, assumed
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion import Motion, plan_motion
@@ -71,12 +70,6 @@ def test_the_standard_deviations_are_those_of_fits_to_noise(arm, excitation):
     assert condition == pytest.approx(excitation.condition, rel=0.02)
 
 
-def test_a_payload_is_excited_gently(arm):
-    found = excite(Target.payload(arm, "lower"), 5.0, gently=GENTLY)
-    assert "hx of lower [kg m]" in found.target.names and not found.target.friction
-    assert np.abs(planned(found).v).max() <= 0.8 * GENTLY * 5 + 1e-6
-
-
 def test_what_a_file_does_not_limit_is_assumed(arm):
     """Of the second joint: what its motor gives the least inertia about it."""
     accelerations, *_ = assumed(arm)
@@ -86,8 +79,3 @@ def test_what_a_file_does_not_limit_is_assumed(arm):
     assert f"50, {highest[1]:.3g} rad/s²" in accelerations
     assert not any("accelerations" in line for line in assumed(arm, [8, 4]))
     assert Limits.of(arm, 0.5, acceleration=[8, 4]).acceleration == pytest.approx([4, 2])
-
-
-def test_a_robot_that_cannot_hold_itself_is_refused(arm):
-    with pytest.raises(InputError, match="joint 1 exceeds its torque limit even at rest"):
-        excite(Target.everything(arm), 20.0, margin=0.2)

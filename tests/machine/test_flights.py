@@ -9,7 +9,6 @@ from strategies import GENERATORS
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.fly.flight import (
     FlightColumns,
-    load_flight_columns,
     make_flight,
     read_flight,
     suspicious_flight,
@@ -54,13 +53,6 @@ def test_any_units_axes_and_lever_give_the_same_head_motion(tmp_path_factory, m,
         read_flight(path)
 
 
-def test_shipped_mappings_are_those_of_their_programs():
-    jsbsim, recorder = map(load_flight_columns, ("jsbsim", "recorder"))
-    assert (jsbsim.axes, jsbsim.force_unit, jsbsim.omega_unit) == ("frd", "ft/s2", "rad/s")
-    assert (recorder.axes, recorder.force_unit, recorder.omega_unit) == ("frd", "g", "deg/s")
-    assert recorder.force_direction == [1, 1, -1]  # the load factor is positive upwards
-
-
 @pytest.mark.parametrize(
     ("force", "rate", "doubt"),
     [
@@ -87,17 +79,3 @@ def test_means_around_a_time_keep_the_integral():
     whole = np.trapezoid(flight.specific_force, flight.time, axis=0)
     inside = 0.2 * force[20:391].sum(axis=0) - 0.1 * (force[20] + force[390])
     np.testing.assert_allclose(inside, whole, rtol=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("time", "message"),
-    [
-        ([0.0, 0.1, 0.1], "each later than the one before"),
-        ([0.0, 0.1, 5.0], "4.9 s between samples at 0.1 s"),
-        (np.linspace(0, 3700, 9000), "3700 s, expected at most 3600 s"),
-    ],
-)
-def test_arrays_that_are_no_flight_are_refused(time, message):
-    values = np.ones((len(time), 3))
-    with pytest.raises(InputError, match=message):
-        make_flight(time, values, values)

@@ -15,7 +15,6 @@ from simulated_recordings import course
 from sdt_drake.machine.identify import model
 from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.files import recorded_motion
-from sdt_drake.machine.identify.filtering import stretches
 from sdt_drake.machine.identify.model import directions, plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.suspicions import inconsistent
@@ -73,19 +72,6 @@ def test_spread_between_recordings_is_of_all_joints_where_one_has_less():
     one = np.sqrt(2) / 10
     np.testing.assert_allclose(found, [[one, 0], [one / np.sqrt(2), 0]])
     assert not model._between(days[:1], np.ones((2, 2))).any()
-
-
-def test_means_of_periods_replace_samples(robot):
-    """A drive whose torque falls in each period by a fifth of it, as a held reference makes it."""
-    fine = 8
-    time, q, v, vd = motion(robot, 5.0, 200.0 * fine)
-    tau = inverse_dynamics(robot, q, v, vd)
-    impulse = np.cumsum(np.vstack([tau[:1] * 0, (tau[1:] + tau[:-1]) / 2]), axis=0)[::fine] / fine
-    mean = np.vstack([tau[:1], np.diff(impulse, axis=0)])
-    signals = {"q": q[::fine], "tau": 0.8 * tau[::fine], "tau_mean": mean}
-    (found,), (note,) = stretches(Recorded(Path("held.csv"), time[::fine], signals))
-    np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
-    assert "(tau_mean)" in note
 
 
 def test_friction_of_a_scenario_has_no_damping_and_no_stiff_bristles(tmp_path):

@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import command_line
 import numpy as np
 import pytest
 
@@ -205,22 +204,3 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
     assert len(list(state.glob("flight_*"))) == len(list(state.glob("reference_*"))) == 3
     flown = [load_yaml(FlightRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
     assert flown == [2, 2]
-
-
-def test_the_command_learns_flight_by_flight(good, refuse, desk):
-    file = "../given/cascade.yaml"
-    changed = ("--set", "plant.deviation.payload_mass=30")
-    good("simulate", file, *changed, "--out", "flight.csv")
-    out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
-    assert "state/reference_02.csv written" in out and "its q_ref is the planned motion" in out
-    good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")
-    again = ("learn", "--recording", "next.csv", "--state", "state")
-    out = good(*again, "--motion", command_line.SHORT_MOTION).out
-    assert "the motion begins 0.00 ms" in out and "best so far: state/reference_02.csv" in out
-    refuse(*again, "--motion", "leans", saying=("--motion leans: is not the motion",))
-    refuse("learn", "--recording", "flight.csv", "--state", "state", late=True, saying=("grown",))
-    state = desk / "state/flight_01.yaml"
-    text = state.read_text(encoding="utf-8")
-    state.write_text(text.replace("floor: []", "floor: [1]"), encoding="utf-8")
-    refuse(*again, late=True, saying=("state/flight_01.yaml: floor: 1 value(s), expected 4",))
-    refuse(*again, "--set", "period=0.004", saying=("--set: state contains the scenario",))

@@ -7,7 +7,6 @@ import pytest
 from dh import DATA, UR10, needs_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import savemat
 from strategies import GENERATORS
 
 from sdt_drake.io.errors import InputError
@@ -215,16 +214,3 @@ def test_empty_columns_and_a_line_that_was_cut_off(tmp_path, table, robot):
         logged(tmp_path, [*empty[:2], empty[2][:40], *empty[3:]], robot)
     with pytest.raises(InputError, match="line 6: tau_1 is nan"):
         logged(tmp_path, [*empty[:-1], lines[-1].replace(lines[-1].split(",")[5], "") + ","], robot)
-
-
-def test_matlab_files_of_others(tmp_path, table, robot):
-    path = tmp_path / "r.mat"
-    data = {"q": table[:, 1:5].T, "torque": table[:, 5:]}
-    savemat(path, {"log": data, "t": table[:, 0], "Ts": 0.01, "masses": np.ones((2, 3))})
-    with pytest.raises(InputError, match=r"as a mapping file \(--columns\): ") as error:
-        read_recording(path, robot)
-    mapping = tmp_path / "columns.yaml"
-    mapping.write_text(str(error.value).partition("(--columns): ")[2])
-    recorded = read_recording(path, robot, load_columns(mapping))
-    np.testing.assert_array_equal(recorded.signals["q"], table[:, 1:5])
-    np.testing.assert_array_equal(recorded.signals["tau"], table[:, 5:])

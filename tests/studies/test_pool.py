@@ -10,7 +10,7 @@ from pathlib import Path
 
 import odd_job
 import pytest
-from odd_job import OddJob, process_of, wait_for_end
+from odd_job import OddJob, wait_for_end
 from small_studies import rows
 
 from sdt_drake.io.errors import InputError
@@ -46,20 +46,6 @@ def pool(tmp_path, temporary, capfd):
         each.close()
     assert list(temporary.iterdir()) == []
     assert capfd.readouterr() == ("", "")
-
-
-def test_a_process_is_replaced_after_50_rows_not_by_a_ctrl_c(pool):
-    """Drake frees no diagram of Python classes. A timeout may be longer than the system waits."""
-    one = pool(timeout=1e300)
-    first = process_of(one.submit(0, {}).result())
-    os.kill(first, signal.SIGINT)  # as a terminal does
-    rows = [one.submit(number, {}).result() for number in range(1, 51)]
-    assert [(row.number, row.status) for row in rows] == [(n, "ok") for n in range(1, 51)]
-    *same, second = map(process_of, rows)
-    assert {*same} == {first} and second not in (first, os.getpid())
-    one.close()
-    for process in (first, second):
-        wait_for_end(process)
 
 
 def test_rows_that_end_their_process_or_hang(pool):

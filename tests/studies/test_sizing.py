@@ -56,12 +56,6 @@ def load(tmp_path):
     return load_text
 
 
-def test_a_base_without_known_motors_has_the_strongest(load):
-    """The lightest may be too weak for a motion, and then nothing would be tried."""
-    _, base = load("[AC-203, TM-3950, TM-2150, TM-2150]", "['', '', TM-716, '']")
-    assert base.device.motors == ["AC-270", "TM-5270", "TM-716", "TM-1430"]
-
-
 COUPLED = "package://sdt/scenarios/coupled_pi.yaml"
 BAD = [
     ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled, as the mass"),
@@ -198,20 +192,6 @@ def test_the_worst_motion_counts():
 def test_what_is_missed_is_in_the_units_of_people(outcomes, missed):
     verdict = judged(lambda _: GOOD | outcomes)[0]
     assert [text.partition(" in ")[0] for text in verdict.missed] == missed
-
-
-def test_each_controller_has_a_front_of_its_own_of_errors_that_differ():
-    """As in the figure, which has a panel for each; in candidates.csv the worse one's was gone."""
-
-    def outcome(inputs):
-        error = 0.02 if inputs["controller"] == "pi" else 0.01
-        error -= 1e-5 * (inputs["motor_2"] == "TM-3950")  # less than its accuracy
-        return GOOD | {"max_abs_speed_error_2": error}
-
-    verdicts = judged(outcome)
-    front = [v for v, on in zip(verdicts, front_of(verdicts), strict=True) if on]
-    assert {v.controller for v in front} == {"pi", "pi_id"}
-    assert {v.candidate.motors for v in front} == {("AC-150", "TM-2860")}
 
 
 def test_where_no_set_is_enough_the_page_says_what_stands_in_the_way(tmp_path, undrawn):

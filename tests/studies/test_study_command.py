@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from small_studies import RUNS, rows
+from small_studies import rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.run.simulate import Recording
@@ -129,14 +129,6 @@ def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
     assert "many, row 5: the run failed: roll, 2 deg; yaw\ninput " in capfd.readouterr().out
 
 
-def test_shows_what_is_done(copied, capfd, undrawn):
-    change(copied, "DELETE FROM rows WHERE row > 4")
-    assert main(["study", "show", f"{copied}"]) == 0
-    said = f"{RUNS - 5} of {RUNS} runs are not finished"
-    assert capfd.readouterr().out.startswith(f"many: 5 of {RUNS} runs have a result; {said}\n")
-    assert said in (copied / "report.html").read_text()
-
-
 def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     folder = shutil.copytree(undisturbed, desk / "many")
@@ -147,13 +139,3 @@ def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):
     assert [float(row["felt_share"]) for row in found] == [row["felt_share"] for row in expected]
     assert found[1]["controller"] == "p_pi+id"
     assert {row["constant_speed_error_1"] for row in found} == {""}  # nothing is that long
-
-
-@pytest.mark.parametrize(("kept", "code"), [(10, 0), (0, 1)])
-def test_failed_runs_are_reported_first(copied, files, capfd, kept, code):
-    """A study of failed runs alone ends with 1."""
-    failed = "status = 'failed', reason = ?"
-    change(copied, f"UPDATE rows SET {failed} WHERE row >= ?", "no link 'payload'", kept)
-    assert main(["study", f"{files / 'many.yaml'}", "--out", f"{copied}", "--resume"]) == code
-    said = f"; {RUNS - kept} of {RUNS} runs failed: no link 'payload' (row {kept})"
-    assert capfd.readouterr().out.splitlines()[1].endswith(said)

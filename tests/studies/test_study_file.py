@@ -184,23 +184,6 @@ def test_sets_what_it_gets_and_nothing_else(scenario, name, how, value, expected
     assert [key for key in before if before[key] != after[key]] == [name.split(".")[0]]
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("controller.coulomb", "(mean|one of) .?plant.friction.coulomb"),
-        ("controller.kp[0]", "not a field of a scenario, did you mean 'controller.kp'"),
-        ("plant.friction", "a group of fields, expected one of plant.friction.coulomb, "),
-        ("period[1]", "period is not a list"),
-        ("controller.kp[2]", "empty in the base scenario; add"),
-        ("plant.friction.coulomb[4]", r"list has 3 value\(s\), expected"),
-        ("controller.omega_r", "to apply a factor to; add"),
-    ],
-)
-def test_a_field_that_cannot_be_scaled_is_refused(scenario, name, message):
-    with pytest.raises(InputError, match=message):
-        find_field(name).put(scenario, 1.0, "factor")
-
-
 def test_a_change_is_refused_where_the_study_would_overwrite_it():
     for kept in ({"controller.omega_ratio": 0.4}, {"plant.friction.coulomb[2]": 3}):  # it scales
         assert load_study("monte_carlo", kept)[1] == load_scenario("uncertain", kept)

@@ -2,26 +2,18 @@
 
 import dataclasses
 import re
-from itertools import combinations
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from synthetic import make_table, small_table, table_of
+from synthetic import small_table, table_of
 
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.show.documents import render
-from sdt_drake.show.figures import studies as plots
 from sdt_drake.show.reports import study as report
-from sdt_drake.studies import results
-from sdt_drake.studies.distributions import Uniform
-from sdt_drake.studies.sizing import load_sizing
-from sdt_drake.studies.study import Study, Variable
 from sdt_drake.studies.summary import (
     explained_share,
     percentiles,
     sensitivity,
-    tornado,
     worst_runs,
 )
 from sdt_drake.studies.table import pareto
@@ -42,27 +34,6 @@ def test_every_family_has_title_and_unit():
         assert metric_of(f"{name}_12") is quantity
     assert metric_of("max_abs_position_error_1").factor == pytest.approx(180 / np.pi)
     assert metric_of("peak_torque_share_1").factor == 100
-
-
-def test_what_a_designer_chooses():
-    """Devices at random are not designs; motions are what designs have to stand."""
-    for field in ("plant.friction.coulomb", "drive.torque_error[2]", "controller.model.coulomb"):
-        by_chance = Variable("", [field], distribution=Uniform(-0.1, 0.1))
-        assert results._choices(Study("s", variables=[by_chance])) is None
-    sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
-    motors = [f"motor_{k}" for k in (1, 2, 3, 4)]
-    assert results._choices(sizing.study()) == (*motors, "structure_scale", "controller")
-
-
-def test_a_design_is_as_good_as_the_worst_of_its_runs_and_out_if_one_failed():
-    table = table_of(
-        {"kind": np.array(list("abcabc")), "motion": np.array(["far"] * 3 + ["near"] * 3)},
-        {"cost": np.array([1.0, 2, 3, 1, 4, 3]), "error": np.array([5.0, 6, 7, 6, 5, 0])},
-        ["ok"] * 5 + ["infeasible"],
-        choices=("kind",),
-    )
-    first, worst = table.designs("cost", "error")
-    assert first.tolist() == [0, 1] and np.array(worst).tolist() == [[1, 4], [6, 6]]
 
 
 @pytest.mark.parametrize(
@@ -136,41 +107,7 @@ def test_runs_of_one_draw_are_one_sample_of_what_is_drawn(generator, draws, leve
     assert np.all(0.7 * values.std(axis=0)[:2] < errors.mean(axis=0)[:2])
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (20, 3)])
-def test_in_a_full_grid_nothing_is_chance(rows, columns):
-    """Less than chance would have given, 5 by 5 equal inputs explained 40 ± 14 % each."""
-    x, z = (grid.ravel() for grid in np.indices((rows, columns)))
-    y = 3.0 * x + np.sin(z)
-    for one, own in ((x, 3.0 * x), (z.astype(str), np.sin(z))):
-        share = explained_share(one, y, np.zeros(len(y), dtype=int))
-        assert share == pytest.approx((np.var(own) / np.var(y), 0), rel=1e-12)
-
-
-def test_a_tornado_is_of_the_outer_fifths_of_numbers_and_of_the_levels_of_texts():
-    x = np.arange(1000.0)
-    swing, nothing = tornado(small_table(x, z=np.tile([0.0, 1.0], 500), x=x), "y")
-    assert (swing.name, swing.low, swing.high, swing.low_level) == ("x", 99.5, 899.5, "")
-    assert nothing.name == "z" and nothing.width == pytest.approx(1)
-    (swing,) = tornado(small_table([1, 5, 3, 2, 6, 3], c=list("abcabc")), "y")
-    assert (swing.low_level, swing.low, swing.high_level, swing.high) == ("a", 1.5, "b", 5.5)
-
-
 # --- report and figures ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("status", ["ok", "failed"])
-def test_a_study_with_little_to_show(tmp_path, status):
-    table = small_table(np.full(3, np.nan), status=[status] * 3, x=np.arange(3.0))
-    document, tables = report.make_study_report(table, tmp_path)
-    assert list(tmp_path.iterdir()) == [] and len(tables) == 1
-    assert ("3 of 3 runs failed" in document.page()) == (status == "failed")
-
-
-def test_a_study_that_is_not_done_has_no_pareto_front(tmp_path, undrawn):
-    """Of a design that looks good the worst run may be to come."""
-    part = dataclasses.replace(make_table(5, joints=1), missing=1)
-    report.make_study_report(part, tmp_path, tmp_path)
-    assert {path.stem for path in tmp_path.iterdir()} == {*report.FIGURES} - {"pareto"}
 
 
 def test_a_chapter_has_what_matters_most(copied, undrawn):
@@ -179,24 +116,3 @@ def test_a_chapter_has_what_matters_most(copied, undrawn):
     assert text.startswith("## Study many\n") and text.count("\n| --- |") == 1
     for name in re.findall(r"\]\((.*)\.png\)", text):  # as seen from the folder above
         assert (copied.parent / f"{name}.svg").is_file()
-
-
-def test_nothing_of_a_figure_is_cut_and_panels_keep_apart():
-    families = ("max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "felt_share")
-    inputs = ("omega_r", "payload", "friction", "motion")
-    table = make_table(20, joints=2)
-    for figure in (
-        plots.distributions("title", table, families),
-        plots.scatter_matrix("title", table, inputs, families),
-    ):
-        renderer = FigureCanvasAgg(figure).get_renderer()
-        figure.draw(renderer)
-        boxes = [ax.get_tightbbox(renderer) for ax in figure.axes if ax.axison]
-        boxes += [figure.legends[0].get_window_extent(renderer)]
-        boxes += [figure._suptitle.get_window_extent()]
-        whole = figure.bbox.padded(1)
-        assert all(whole.contains(*box.p0) and whole.contains(*box.p1) for box in boxes)
-        assert not any(
-            min(a.x1, b.x1) - max(a.x0, b.x0) > 3 and min(a.y1, b.y1) - max(a.y0, b.y0) > 3
-            for a, b in combinations(boxes, 2)
-        )
