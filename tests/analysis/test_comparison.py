@@ -10,18 +10,15 @@ from variants import kind as controller
 from sdt_drake.analysis.comparison import (
     compare,
     comparison_rows,
-    felt_rows,
     with_controller,
     write_comparison,
 )
-from sdt_drake.analysis.perception import CHANNELS
 from sdt_drake.analysis.tracking import track
 from sdt_drake.io.fields import check
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import load_scenario, with_fields
-from sdt_drake.run.simulate import simulate
 
 PERIOD = 0.005
 LABELS = ("pi", "pi_ctc", "p_pi+id", "pi_scheduled+ctc", "inverse_dynamics")
@@ -61,14 +58,6 @@ def metrics(c):
     ])  # fmt: skip
 
 
-def test_a_run_is_that_of_its_controller_alone(designed, design, compared):
-    assert tuple(c.design.scenario.controller.label for c in compared) == LABELS
-    fields = {"controller.kind": "p_pi", "controller.feedforward": "id"}
-    alone = simulate(designed("coupled_pi", fields, motion=design.motion))
-    for name in ("q", "v", "tau_cmd", "tau", "load_torque"):
-        np.testing.assert_array_equal(getattr(compared[2].recording, name), getattr(alone, name))
-
-
 def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
     write_comparison(compared, tmp_path / "new" / "table.csv")
     with (tmp_path / "new" / "table.csv").open(encoding="utf-8", newline="") as file:
@@ -88,16 +77,6 @@ def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
     for line, c in zip(lines, np.repeat(np.array(compared, dtype=object), 4), strict=True):
         told = [line[name] for name in ("controller", "blocks", "needs")]
         assert told == [c.label, str(c.blocks), ", ".join(c.needs)]
-
-
-def test_what_is_felt_is_the_largest_of_the_head(compared):
-    for c, row in zip(compared, felt_rows(compared)[1], strict=True):
-        label, share, *sizes = row
-        felt = c.head.felt
-        assert label == c.label and float(share) == pytest.approx(100 * felt.share, abs=0.051)
-        for size, channel in (sizes[:2], sizes[2:]):
-            assert float(size) == pytest.approx(felt.largest[CHANNELS.index(channel)], abs=0.0051)
-        assert float(sizes[2]) == pytest.approx(felt.largest[3:].max(), abs=0.0051)
 
 
 # --- labels -------------------------------------------------------------------------------------

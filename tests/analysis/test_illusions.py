@@ -37,16 +37,6 @@ def held(robot, q, samples=50):
 # --- felt and true ------------------------------------------------------------------------------
 
 
-def test_a_head_at_rest_is_felt_as_it_is(robot):
-    for q in ([0, 0.4, 0, 0], [1, -0.6, 0, 0], [2, 0.3, -0.4, 0.7]):
-        head = held(robot, q)
-        felt = feel(head, PERIOD, "clark2019")
-        for own, true in zip((felt.roll, felt.pitch), true_attitude(head), strict=True):
-            np.testing.assert_allclose(own, true, atol=1e-6)
-        assert illusions(felt, head) == []
-    assert true_attitude(held(robot, [0, 0.4, 0, 0]))[0][0] == pytest.approx(0.4)  # to the right
-
-
 def test_an_illusion_has_its_peak_start_and_end(robot):
     head = held(robot, [0, 0, 0, 0], samples=500)
     felt = feel(head, PERIOD, "clark2019")

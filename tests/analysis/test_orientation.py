@@ -139,13 +139,3 @@ def test_swing_feels_as_the_printed_table_of_rader_says(radial):
 def test_bad_samples_are_refused(change, line):
     with pytest.raises(sdt.InputError, match=f"^{line}[^\n]*$"):
         perceive(*change(*flight()))
-
-
-def test_a_wrong_model_is_refused(tmp_path):
-    with pytest.raises(sdt.InputError, match=r"^clark: no such perception model, did you mean"):
-        perceive(*flight(), model="clark")
-    (tmp_path / "own.yaml").write_text("source: mine\nk_w: [1, 0]\nk_fw: 1\nk_fg: [1, 1, .inf]\n")
-    with pytest.raises(sdt.InputError) as caught:
-        perceive(*flight(), model=tmp_path / "own.yaml")
-    for name in ("k_w", "k_fw", "k_fg[3]", "k_a: missing"):
-        assert f"own.yaml: {name}" in str(caught.value)

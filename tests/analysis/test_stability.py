@@ -7,9 +7,8 @@ from scipy.optimize import brentq
 from test_linear import OMEGA_R, cascade_map, moving, two_masses
 from variants import kind
 
-from sdt_drake.analysis.stability import least_damping, stability_sweep
+from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.robot.device import Drive
-from sdt_drake.systems.state_space import StateSpace
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
 SOME = np.array([0.1, 0.3, 0.5, 0.7, 1.0, 1.5])
@@ -85,12 +84,3 @@ def test_other_controllers_of_speed_have_the_modes_of_pi(designed, design, contr
     np.testing.assert_allclose(sweep.damping, plain.damping, rtol=1e-9)
     expected = plain.overshoot_percent[2] if overshoot is None else [overshoot] * 4  # at 0.5
     np.testing.assert_allclose(sweep.overshoot_percent[2], expected, atol=0.5)
-
-
-def test_resting_modes_do_not_count():
-    def loop(*poles):
-        return StateSpace(np.diag(poles), np.zeros((len(poles), 1)), np.zeros((1, len(poles))), 0)
-
-    assert least_damping(loop(0.0, -2.0, 1e-5), 1.0) == 1
-    assert least_damping(loop(0.0, -2.0, 0.1), 1.0) == -1
-    assert least_damping(loop(0.0, -2e-4, 1e-5), 1e-4) == -1, "slow loops have slow modes"

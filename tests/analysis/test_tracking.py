@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from strategies import GENERATORS
 from variants import recorded
 
-from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of, plain_number
+from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of
 from sdt_drake.analysis.step import step_metrics
-from sdt_drake.analysis.tracking import motor_use, track, track_head
+from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.motion import Motion
 
 PERIOD = 0.01
@@ -65,18 +65,6 @@ def test_saturated_fraction_is_the_share_of_the_time():
 # --- head and motors ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("joint", [1, None])
-def test_angles_alone_tilt_the_head(robot, joint):
-    """At rest with joint 2 off by 1 deg: gravity from the side, at once and for ever."""
-    rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
-    off = np.radians(1.0) * (np.arange(4) == joint)
-    head = track_head(recorded(rest, q=rest.q + off), robot)
-    expected = 9.81 * np.sin(np.radians(1)) / 0.057 * (joint is not None)
-    for felt in (head.felt, head.felt_from_angles):
-        assert felt.largest[4] == pytest.approx(expected)
-        assert felt.share == (joint is not None) and felt.worst_rotation[1] == 0
-
-
 def test_torques_are_those_within_the_periods_and_shares_those_of_the_limits():
     """The RMS of the first sample is that of no period; the peak counts."""
     tau, limit = np.zeros_like(MOTION.v), np.array([10.0, 20, 5, 8, 1])
@@ -118,14 +106,6 @@ def test_a_step_that_does_not_arrive_has_no_times():
     assert (found.overshoot_percent, found.steady_state_error) == (0, -0.5)
     at_once = step_metrics([3, 4], [1, 1], y0=0, y_final=1)
     assert (at_once.rise_time, at_once.settling_time) == (0, 0)
-
-
-@given(st.floats(1e-4, 1e6))
-def test_plain_numbers_keep_four_digits_or_two_decimals(value):
-    for number in (value, -value):
-        shown = float(plain_number(number))
-        assert shown == pytest.approx(number, rel=6e-4) and "e" not in plain_number(number)
-    assert plain_number(3e-7) == "3.0e-07" and plain_number(0.0) == "0"
 
 
 def test_columns_are_in_the_unit_of_their_header():

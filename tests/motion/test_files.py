@@ -118,22 +118,6 @@ def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
 V = np.sin(2 * np.pi * np.outer(0.001 * np.arange(2001), [1, 24]))
 
 
-@pytest.mark.parametrize(
-    "time, columns, message",
-    [
-        (0.001 * np.arange(2001), {"v_ref": V}, r"0\.005 s joint 2 loses .* 0\.021 rad/s"),
-        ([0, 0.1], {"v": np.zeros((2, 1))}, "neither v_ref_1 nor q_ref_1"),
-        ([0, 1], {"v_ref": V[:2, :1], "q_ref": V[:2]}, "2 .* q_ref_k and 1 v_ref_k"),
-        ([0, 1e9], {"v_ref": V[:2]}, "1000000th"),
-    ],
-)
-def test_a_motion_that_cannot_be_resampled_is_refused(tmp_path, time, columns, message):
-    path = tmp_path / "in.csv"
-    write_table(path, np.array(time, dtype=float), columns)
-    with pytest.raises(InputError, match=rf"in\.csv: .*{message}"):
-        import_motion(path, PERIOD)
-
-
 def test_a_spline_in_blocks_is_the_spline_of_all(monkeypatch):
     """Blocks keep memory small; samples beyond their overlap have no influence."""
     rng = np.random.default_rng(1)

@@ -43,13 +43,6 @@ def test_the_reference_of_a_file_is_tracked_and_errors_are_against_the_planned_m
         p_pi.variant(replace(scenario, inverse_dynamics="online"))
 
 
-def test_learned_inverse_dynamics_are_as_good_as_computed_ones(p_pi):
-    computed = p_pi.variant(with_controller(p_pi.scenario, "p_pi+id"))
-    torque = computed.tau_ff - computed.steady_ff
-    learned = p_pi.given(LearnedReference(p_pi.wanted, torque))
-    np.testing.assert_allclose(simulate(learned).q, simulate(computed).q, rtol=0, atol=1e-9)
-
-
 def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_that(p_pi):
     nearby = with_sine(p_pi.wanted, 1e-3)  # within what learning may change
     p_pi.given(LearnedReference(nearby))

@@ -241,33 +241,6 @@ def test_a_joint_that_is_not_back_on_its_command_at_the_end_is_refused(robot, ac
         plan_motion(calm, spin_up())
 
 
-@pytest.mark.parametrize("planner", [plan_motion, retime])
-def test_a_motor_that_cannot_hold_its_link_is_refused(planner):
-    arm = loaded(ARM.replace("<effort>40", "<effort>3"))
-    needed = -2 * 9.81 * 0.3  # N m: 2 kg at 0.3 m
-    with pytest.raises(InputError, match=rf"joint 2 'elbow'.* 0\.000 s.* {needed:g} N m.*±3 N m"):
-        planner(arm, alone(knots([0, 0], [1, 0]), joints=2))
-
-
-TOO_LONG = r".* most 100 times as long"
-
-
-@pytest.mark.parametrize(
-    "points, margin, message",
-    [
-        (([0, 1], [1, -1]), 0.05, ".*start.* joint 1 .* N m"),
-        (([0, 0], [1, 1]), 0.05, ".*end.* joint 1 .* N m"),
-        # 45000 rad at the speed limit; nothing but inertia: times go with the root of the torque.
-        (([0, 0], [5, 9000], [10, 0]), 1, TOO_LONG),
-        (([0, 0], [5, 0.05], [10, 0]), 1e-6, TOO_LONG),
-        (([0, 0], [5, 1], [10, 0]), 1e-300, TOO_LONG),
-    ],
-)
-def test_a_path_that_slowing_down_does_not_help_is_refused(robot, points, margin, message):
-    with pytest.raises(InputError, match=f"'alone' refused: {message}"):
-        retime(robot, alone(knots(*points)), torque_margin=margin)
-
-
 def test_more_periods_than_a_motion_may_have_are_refused(robot, monkeypatch):
     monkeypatch.setattr(retiming, "MAX_PERIODS", 840)
     assert 4 < retime(robot, SWING, torque_margin=0.65).motion.duration < 4.2

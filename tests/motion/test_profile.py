@@ -11,7 +11,7 @@ from strategies import profiles
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import MotionProfile, command_of, load_command
 from sdt_drake.motion.profile import Resultant, Track
-from sdt_drake.motion.segments import Fourier, Knots, Ramp, Sampled, Turn
+from sdt_drake.motion.segments import Fourier, Ramp, Turn
 from sdt_drake.robot.robot import edited, load_robot
 
 DEVICE = load_robot()
@@ -70,15 +70,6 @@ def test_ramps_and_turns_reach_their_largest_acceleration_and_speed(speed, most,
     assert found == pytest.approx((speed, by, quarter), rel=1e-3)
 
 
-def test_joints_are_one_segment_for_each_base_to_tip():
-    still = Knots(knots=[[0, 0], [2, 0]])
-    joints = [Knots(knots=[[0, 0.5], [2, 2]]), still, still, Sampled(period=2, speeds=[1, 0])]
-    command = command_of(MotionProfile(duration=2, joints=joints, q0=[1, 2, 3, 4]), DEVICE)
-    np.testing.assert_array_equal(command.speeds(np.array([1.0])), [[1.25, 0, 0, 0.5]])
-    np.testing.assert_array_equal(command.q0, [1, 2, 3, 4])
-    assert [segment.track for segment in command.timeline] == list(DEVICE.joint_names)
-
-
 # --- a commanded G ---------------------------------------------------------------------------
 
 
@@ -118,23 +109,6 @@ def test_the_commanded_g_is_reached_and_the_gondola_aligned_on_any_arm(g, radius
     assert np.hypot(force[0], force[1]) / force[2] < 2e-6  # rad
     assert motion.q[2000, 1] == pytest.approx(-sign * np.arccos(1 / g), abs=2e-6)
     assert motion.q[-1, 1] == pytest.approx(0, abs=2e-6)
-
-
-def test_without_alignment_g_is_felt_sideways_and_linear_is_linear_in_spin_speed():
-    ramp = Ramp(to_g=1.5, duration=6, blend="linear")
-    motion = sampled(spin(ramp, BACK, align=None))
-    assert not motion.q[:, 1:].any()
-    assert motion.v[300, 0] == pytest.approx(motion.v[1200, 0] / 4, rel=1e-12)
-    force = at_last_joint(DEVICE, motion, 1200)
-    np.testing.assert_allclose(force, 9.81 * np.array([-np.sqrt(1.25), 0, 1]), atol=1e-8)
-
-
-def test_a_track_of_the_aligned_joint_adds_to_the_alignment():
-    turn, time = Track(joint="roll", segments=[Turn(at=4, to_deg=15, duration=4)]), np.arange(20.0)
-    alone = command_of(MotionProfile(duration=20, tracks=[turn]), DEVICE)
-    commands = spin(UP, BACK, more=[turn]), spin(UP, BACK), alone
-    both, *each = (command.speeds(time)[:, 1] for command in commands)
-    np.testing.assert_allclose(both, sum(each), atol=1e-15)
 
 
 # --- what ships ------------------------------------------------------------------------------

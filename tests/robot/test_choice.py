@@ -51,12 +51,6 @@ def test_limits_rotors_and_gears(robot, fields, torque, rotors, ratio):
         np.testing.assert_array_equal(links(other, Q[0]), links(robot, Q[0]))
 
 
-def test_a_choice_of_nothing_is_the_robot_itself(robot):
-    assert chosen_robot(robot, DeviceChoice(motors=[""] * 4)) is robot
-    fitted = chosen_robot(robot, DeviceChoice(fitted=FITTED))  # but for what its motors are known
-    assert fitted.sdf is robot.sdf and fitted.envelope is not None
-
-
 def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
     """Joint 1 stands on the ground; the others 2.6 m from its axis, on their own axes."""
     other = chosen_robot(robot, DeviceChoice(motors=LIGHTER, fitted=FITTED))

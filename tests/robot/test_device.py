@@ -1,11 +1,8 @@
 """Friction and springs of elastic joints against their formulas, and what is refused."""
 
-import re
-
 import numpy as np
 import pytest
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.robot import device
 from sdt_drake.robot.device import Elasticity, Friction, springs_of
 
@@ -39,12 +36,6 @@ def test_friction_by_hand():
     np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
 
 
-def test_defaults_are_no_friction_and_no_peak():
-    assert Friction().is_none and Friction(stribeck_speed=1.0).is_none
-    assert not any(Friction(**{x: [0.0]}).is_none for x in ("coulomb", "viscous", "breakaway"))
-    np.testing.assert_array_equal(at(Friction(coulomb=COULOMB), V_S), COULOMB)
-
-
 def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
     """d x'' + c x' + (k + k_g) x = 0 has the roots of omega and zeta."""
     assert Elasticity(OMEGA).encoder == "motor"
@@ -64,9 +55,3 @@ BAD = [
     (30.0, "natural_frequency: 30 rad/s, but gravity alone makes joint 3 swing with 30; exp"),
     (1e200, "natural_frequency 1e+200 rad/s and damping_ratio 0.01 are too large for joint 3"),
 ]
-
-
-@pytest.mark.parametrize("frequency, message", BAD)
-def test_frequencies_that_no_spring_has_are_refused(frequency, message):
-    with pytest.raises(InputError, match=re.escape(message)):
-        springs_of(Elasticity([0.0, 0.0, frequency, 0.0]), INERTIA, [0, 0, 900.0 * 790, 0])

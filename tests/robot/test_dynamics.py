@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from robots import ARM, URDF, loaded
 
-from sdt_drake.robot.dynamics import torque_groups, where_largest
+from sdt_drake.robot.dynamics import torque_groups
 
 
 @pytest.mark.parametrize("text, suffix", [(ARM, ".sdf"), (URDF, ".urdf")])
@@ -55,8 +55,3 @@ def test_range_along_the_reference_motion_is_that_of_the_independent_calculation
     values = coupled if quantity == "coupled" else getattr(design.inertia, quantity)
     for value, text in zip(values, PRINTED[quantity].split(), strict=True):
         assert f"{value:.{len(text.partition('.')[2])}f}" == text
-
-
-def test_the_largest_inertia_is_taken_first_in_time_round_off_apart():
-    d_kk = np.array([[1.0, 2.0], [3.0, 2.0 * (1 + 1e-15)], [3.0 * (1 + 1e-14), 2.0], [2.9, 1.0]])
-    assert where_largest(d_kk).tolist() == [1, 0]

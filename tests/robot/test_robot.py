@@ -7,7 +7,6 @@ from robots import ARM, URDF, loaded, refused
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.motors import load_catalogue
-from sdt_drake.robot.robot import load_robot
 
 
 def test_the_shipped_device_and_its_catalogue_have_the_published_motors(robot):
@@ -130,8 +129,3 @@ def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some():
     assert [scaled.GetBodyByName(x).default_mass() for x in ("upper", "lower")] == [0, 3]
     with pytest.raises(InputError, match="payload_mass: link 'upper' has no mass to scale"):
         deviated(robot, Deviation("upper", payload_mass=1.0))
-
-
-def test_a_file_of_another_kind_is_no_robot():
-    with pytest.raises(InputError, match=r"reference\.yaml: expected an \.sdf or \.urdf"):
-        load_robot("package://sdt/motions/reference.yaml")

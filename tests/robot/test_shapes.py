@@ -30,20 +30,8 @@ URIS = [("a%20b.obj", "urdf/a b.obj"), ("file://a%20b.obj", "urdf/a b.obj")]
 URIS += [("package://arm_description/meshes/a.gltf", "meshes/a.gltf")]
 
 
-@pytest.mark.parametrize("uri, place", URIS)
-def test_a_mesh_is_found(drawn, tmp_path, uri, place):
-    text, left_out = drawn(uri)
-    assert str((tmp_path / "arm_description" / place).resolve()) in text and left_out == []
-
-
 LEFT_OUT = [("none.obj", "is missing"), ("package://sdt/../../a.obj", "is missing")]
 LEFT_OUT += [("a.dae", "has an unsupported format, expected one of .obj, .gltf, .vtk")]
-
-
-@pytest.mark.parametrize("uri, why", LEFT_OUT)
-def test_a_mesh_that_cannot_be_drawn_is_named(drawn, uri, why):
-    text, left_out = drawn(uri)
-    assert left_out == [f"link 'upper': mesh {uri} {why}"] and "mesh" not in text
 
 
 LOOKS = [

@@ -6,7 +6,6 @@ from by_hand import LIMIT
 from variants import kind, overruled
 
 from sdt_drake.motion import Motion
-from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import Loads
 from sdt_drake.run.simulate import simulate
 
@@ -39,15 +38,3 @@ def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
         off = np.abs(recording.v[:, 1] - HOLD) > 0.02 * HOLD
         times.append(recording.time[np.flatnonzero(off)[-1] + 1] - 2.5)
     assert times[1] < 0.5 * times[0], times
-
-
-def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(designed):
-    fields = kind("p_pi") | CONSISTENT
-    prompt = simulate(designed("axis_pi", fields, end=0.8, rest=3))
-    for count in (1, 50):
-        delayed = fields | {"drive": Drive(reference_delay=count * PERIOD)}
-        late = simulate(designed("axis_pi", delayed, end=0.8, rest=3))
-        same(late.v[count:], prompt.v[:-count], 2e-6)
-        same(late.v[:count], 0, 1e-12)
-        for other in (count - 1, count + 1):  # a sample more or less would show
-            assert np.abs(late.v[other:] - prompt.v[: len(late.v) - other]).max() > 1e-3

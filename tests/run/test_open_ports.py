@@ -9,7 +9,6 @@ from variants import kind
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.run.controllers import make_controller
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
 
@@ -55,21 +54,6 @@ def test_the_planned_motion_from_outside_gives_the_same_run(designed, label, fie
     for name in ("tau", "tau_peak", "tau_rms", "tau_mean", "saturated"):  # of all periods
         own, wanted = getattr(external, name)[1:], getattr(planned, name)[1:]
         np.testing.assert_allclose(own, wanted, atol=1e-8, err_msg=name)
-
-
-def test_a_controller_outside_is_the_one_inside(designed):
-    design = designed("coupled_pi", kind("pi") | DEVICE | {"drive": Drive()}, end=0.3)
-    builder = DiagramBuilder()
-    loop = builder.AddSystem(make_loop(design, controller="external"))
-    controller = builder.AddSystem(make_controller(design))
-    for name, signal in (("reference", "reference"), ("state", "measured")):
-        builder.Connect(loop.GetOutputPort(signal), controller.GetInputPort(name))
-    builder.Connect(controller.get_output_port(), loop.GetInputPort("tau_cmd"))
-    outside, inside = simulate(design, builder.Build()), simulate(design)
-    # Its integrals, which `rest` of the loop does not know, start at 0: so does the motion.
-    assert np.abs(inside.tau_cmd[0]).max() < 1e-9
-    np.testing.assert_allclose(outside.v, inside.v, atol=1e-9)
-    np.testing.assert_allclose(outside.tau_rms[1:], inside.tau_rms[1:], rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 from sdt_drake.cli.app import main
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.trust import trusting
 from sdt_drake.run import kinds
 from sdt_drake.run.kinds import CONTROLLERS, load_controllers
-from sdt_drake.run.scenario import load_scenario
 
 OWN = Path(__file__).parents[1] / "own_controllers.py"
 SCENARIO = """
@@ -109,19 +107,3 @@ def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
     error = capsys.readouterr().err
     assert re.search(message, error) and error.count("\n") == 1
     assert not Path("run.csv").exists()
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x = 1 +\n", r"own\.py: SyntaxError: invalid syntax .*line 1"),
-        ("import math\n\nmath.sqrt(-1)\n", r"own\.py, line 3: ValueError: math domain error$"),
-        (None, r"own\.py: no such file$"),
-    ],
-)
-def test_a_file_that_cannot_be_used(desk, text, message):
-    (desk / "own.py").unlink()
-    if text is not None:
-        (desk / "own.py").write_text(text)
-    with pytest.raises(InputError, match=message):
-        load_scenario(desk / "run.yaml", trust=True)

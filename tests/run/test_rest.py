@@ -32,16 +32,6 @@ def steady(designed):
     return run
 
 
-def test_a_run_starts_without_the_torque_of_its_first_acceleration(designed):
-    ramp = np.linspace(0, 0.1, 21)[:, None] * np.ones(4)
-    still, moving = (
-        designed("coupled_pi_ctc", kind("pi_id"), motion=Motion.from_speeds(0.005, LOADED, v))
-        for v in (0 * ramp, ramp)
-    )
-    assert np.all(moving.motion.vd[0] > 0.9)
-    np.testing.assert_allclose(moving.steady_ff, still.steady_ff)
-
-
 @pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi+ctc", "pi_scheduled"])
 @pytest.mark.parametrize("fields", [HEAVIER, AXIS, ANTI_WINDUP, DRIVEN, LATE])
 def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, label, fields):
@@ -51,18 +41,6 @@ def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, labe
     assert np.abs(recording.tau_peak[0, 1]) > 30  # joint 2 carries a load
     if fields in (HEAVIER, AXIS):
         assert np.abs(steady(label, fields, speed=1.5).speed_error).max() < 1e-5
-
-
-def test_inverse_dynamics_stands_still_where_its_model_is_right(steady):
-    assert np.abs(steady("inverse_dynamics", {}).position_error).max() < 1e-6
-
-
-@pytest.mark.parametrize("speed", [0.0, 1.5])
-def test_motors_carry_the_offset_of_friction(steady, robot, speed):
-    offset = np.array([900.0, -1300.0, 40.0, -5.0])  # N m, joint side
-    with_it = {"plant.friction": Friction(offset=offset.tolist())}
-    carried = (steady("pi", with_it, speed).tau - steady("pi", {}, speed).tau) * robot.gear_ratio
-    np.testing.assert_allclose(carried, offset + np.zeros_like(carried), atol=0.01)
 
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])

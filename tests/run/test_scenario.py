@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
 from sdt_drake.io.resources import find_file, models_dir
-from sdt_drake.motion import load_command
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import (
     ControllerChoice,
@@ -62,19 +60,6 @@ def test_shipped_scenarios_have_the_published_numbers(designed):
     # Without zeta it is 1: K_PS = 2 I_eff omega_n with omega_n = omega_r / 2.
     design = designed("coupled_pi", {"controller.zeta": None})
     np.testing.assert_allclose(design.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
-
-
-def test_torque_margin_period_and_planner_reach_the_plan(load, robot, tmp_path):
-    text = "motion: reference\ntorque_margin: 0.9\nperiod: 0.01\ncontroller: {omega_r: 60}\n"
-    motion = make_design(load(text)).motion
-    assert motion.period == 0.01
-    command = load_command("reference", robot).speeds(motion.time)
-    np.testing.assert_array_equal(np.any(np.abs(motion.v - command) > 1e-3, axis=0), [0, 1, 0, 0])
-    (tmp_path / "fast.yaml").write_text(STILL.replace("[1, 0]", "[0.5, 2], [1, 0]", 1))
-    text = text.replace("reference", "fast.yaml")
-    with pytest.raises(InputError, match="joint 1 'planetary'"):
-        make_design(load(text))
-    assert make_design(load(text + "planner: retiming\n")).motion.duration > 1
 
 
 def test_feedforward_structure_and_label():

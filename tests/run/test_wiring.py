@@ -2,15 +2,11 @@
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import PassThrough
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Friction
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
-from sdt_drake.systems.wiring import blocks_of
 
 FRICTION = Friction([300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0])
 REAL = Drive(period=0.001, torque_bandwidth=300.0, n1=[150.0, 4, 4, 4], n0=[210.0, 5, 6, 7])
@@ -32,21 +28,6 @@ WIRINGS = [
     ("coupled_pi_ctc", DISTURBED),
     ("coupled_pi_ctc", ONLINE),
 ]
-
-
-def test_a_loop_has_the_blocks_that_its_scenario_asks_for(designed, data_regression):
-    """Drake's own blocks, but for the torques on line, which are called once per sample."""
-    found = {}
-    for number, (name, fields) in enumerate(WIRINGS):
-        loop = make_loop(designed(name, fields, end=0.1))
-        own = [s for s in blocks_of(loop) if not type(s).__module__.startswith("pydrake.")]
-        assert [s.get_name() for s in own] == ["load_torque"] * ("inverse_dynamics" in fields)
-        inputs = [loop.get_input_port(i).get_name() for i in range(loop.num_input_ports())]
-        outputs = [loop.get_output_port(i).get_name() for i in range(loop.num_output_ports())]
-        blocks = sorted(system.get_name() for system in loop.GetSystems())
-        parts = {"blocks": blocks, "inputs": inputs, "outputs": outputs}
-        found[f"{number} {loop.get_name()}"] = {k: " ".join(v) for k, v in parts.items()}
-    data_regression.check(found)
 
 
 @pytest.mark.parametrize(("name", "fields"), [w for w in WIRINGS if "online" not in w[1].values()])
@@ -79,21 +60,3 @@ def test_table_and_online_torques_are_the_same(designed, name, fields):
     for signal in ("v", "tau", "tau_cmd", "load_torque"):
         own, wanted = getattr(online, signal), getattr(table, signal)
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-8, err_msg=signal)
-
-
-def test_drawn_in_meshcat_a_run_is_the_same(designed, meshcat):
-    design = designed("coupled_pi", start=2.0, end=2.2)
-    drawn = simulate(design, make_loop(design, meshcat=meshcat), realtime_rate=0.0)
-    np.testing.assert_array_equal(drawn.v, simulate(design).v)
-    assert meshcat.HasPath("/robot/sdt/payload")
-    assert meshcat._GetPackedTransform("/robot/sdt/payload")
-
-
-def test_diagrams_without_the_loop_of_the_design_are_refused(designed):
-    design, other = designed("coupled_pi", end=0.1), designed("axis_pi", end=0.1)
-    for loops in ([], [other], [design, design]):
-        builder = DiagramBuilder()
-        for k, loop in enumerate([PassThrough(1), *map(make_loop, loops)]):
-            builder.AddNamedSystem(f"part_{k}", loop)
-        with pytest.raises(InputError, match=r"^diagram: .*expected the loop of the design or a"):
-            simulate(design, builder.Build())

@@ -16,9 +16,6 @@ from strategies import GENERATORS
 
 from sdt_drake import systems
 from sdt_drake.io.errors import InputError
-from sdt_drake.robot.device import sliding_friction
-from sdt_drake.run.controllers import Controller, make_controller
-from sdt_drake.run.kinds import CONTROLLERS
 
 BLOCKS = [name for name in systems.__all__ if name[0].isupper()]
 
@@ -58,18 +55,6 @@ def test_a_block_has_keyword_arguments_and_the_ports_of_its_picture(name, robot,
         is_drawn(made(name, anti_windup=True), ["tau_cmd", "tau"])
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_controllers_have_the_ports_of_their_pictures(designed, name):
-    kind = {"controller.kind": name}
-    is_drawn(make_controller(designed("coupled_pi", kind, end=0.1)))
-    inputs = {"anti_windup": (True, "tau_limited"), "feedforward": ("ctc", "load_torque")}
-    for option in inputs.keys() & set(CONTROLLERS[name].options):
-        value, port = inputs[option]
-        fields = kind | {f"controller.{option}": value}
-        assert port in inputs_of(make_controller(designed("coupled_pi", fields, end=0.1)))
-        assert f"`{port}`" in Controller.__doc__
-
-
 FREE = {"i_eff", "position_gain", "motor_torque_limit"}  # of any length
 CHECKED = FREE | {"gear_ratio", "n", "amplitude", "omega_d", "period", "omega_n", "zeta"}
 MORE = {"Encoder": alone.RESOLVED, "PiSpeedController": {"structure": "pi"}}
@@ -88,13 +73,6 @@ BAD = [
 def test_a_bad_argument_is_one_line_with_its_name(name, argument, bad, robot):
     with pytest.raises(InputError, match=f"^{argument}: [^\n]*$"):
         made(name, robot, **MORE.get(name, {}) | {argument: bad})
-
-
-def test_arguments_that_need_another_one_are_refused():
-    with pytest.raises(InputError, match=r"^n1, n0: "):
-        made("DynamicSaturation", n1=[1.0] * N)
-    with pytest.raises(InputError, match=r"^gear_ratio: missing"):
-        made("Encoder", resolution=[5.0] * N)
 
 
 # --- laws ------------------------------------------------------------------------------------
@@ -168,13 +146,3 @@ def test_a_block_starts_as_it_is_told(robot, name, changes, start, inputs, outpu
         block.give(state=STATE)
         block.sample(0.0)
         exact(block.output("measured")[N:], np.zeros(N))
-
-
-@pytest.mark.parametrize("speed", [0.0, *np.logspace(-9, 1, 6), 0.019, 0.02])
-def test_friction_starts_in_steady_sliding_or_unloaded(speed):
-    block, v = Alone("JointFriction"), speed * np.array([1, -1, 1])
-    block.system.rest(block.context, v)
-    block.give(state=[*np.ones(N), *v])
-    force = GEAR * block.output("friction")
-    np.testing.assert_allclose(force, sliding_friction(alone.FRICTION, v), rtol=1e-9, atol=1e-9)
-    assert np.all(np.abs(block.derivatives()) <= 1e-8 * speed + 1e-15)

@@ -5,7 +5,6 @@ import pytest
 from alone import LIMIT, LOADS, MOTION, PERIOD, Alone, N, exact, made, outputs_of
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
-    Adder,
     ConstantVectorSource,
     Gain,
     LogVectorOutput,
@@ -73,22 +72,6 @@ def with_parts(**parts):
     for name, system in parts.items():
         builder.AddNamedSystem(name, system)
     return builder
-
-
-def test_signals_go_to_all_inputs_of_their_name_and_others_come_from_outside():
-    builder = with_parts(
-        one=Gain(2.0, 1), other=Gain(3.0, 1), sum=Adder(3, 1), wired=PassThrough(1)
-    )
-    one, wired = (builder.GetSubsystemByName(name) for name in ("one", "wired"))
-    builder.Connect(one.get_output_port(), wired.get_input_port())  # no input is connected twice
-    aliases = {("one", "y0"): "a", ("other", "y0"): "b", ("other", "u0"): "a"}
-    aliases |= {("one", "u0"): "x", ("sum", "u0"): "a", ("sum", "u1"): "b", ("sum", "u2"): "x"}
-    outputs = connect_by_name(builder, aliases)
-    assert outputs.keys() == {"a", "b", "sum", "y"}
-    builder.ExportOutput(outputs["sum"], "sum")
-    both = Alone(builder.Build())
-    both.give(x=[1.0])
-    exact(both.output("sum"), [2 + 6 + 1])
 
 
 @pytest.mark.parametrize(
