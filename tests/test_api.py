@@ -4,8 +4,6 @@ import ast
 import copy
 import dataclasses
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -20,7 +18,6 @@ from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.shown import aligned, formatted, rounded
 from sdt_drake.motion import Motion
-from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import simulate
 
 STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
@@ -51,16 +48,6 @@ def test_names_are_what_the_type_checker_takes_them_for():
     assert [name for name in dir(sdt) if not name.startswith("__")] == sorted(sdt.__all__)
     with pytest.raises(AttributeError, match="simulat"):
         sdt.simulat  # noqa: B018
-
-
-def test_functions_stay_after_an_import_of_their_modules_and_nothing_is_loaded_before():
-    code = (
-        "import sys; BEFORE = {*sys.modules}; import sdt_drake as sdt\n"
-        "assert [m for m in sys.modules if m.startswith('sdt_drake')] == ['sdt_drake']\n"
-        "assert not {'numpy', 'pydrake', 'typing', 'pkgutil'} & {*sys.modules} - BEFORE\n"
-        "from sdt_drake.run.simulate import simulate; assert sdt.simulate is simulate"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 # --- objects --------------------------------------------------------------------------------------
@@ -140,12 +127,6 @@ def test_functions_give_the_numbers_of_the_commands(short, run, tmp_path):
         assert words in str(result)
 
 
-def test_a_scenario_stands_for_its_design(designed):
-    np.testing.assert_array_equal(
-        *(sdt.tune(x)["kp"] for x in (sdt.load("axis_pi"), designed("axis_pi")))
-    )
-
-
 def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(designed):
     """v / v_ref = K_IS / (I s² + K_PS s + K_IS), Section 3.3 with P in the feedback path; the load
     torque acts on the motor: v = s / (I s² + ...) tau / r."""
@@ -166,19 +147,6 @@ def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(design
         assert load == pytest.approx(s / below(s) / design.robot.gear_ratio[k], rel=1e-9)
     assert list(system.state_labels) == list(model.states)
     np.testing.assert_allclose(model.A[:4, 4:8], np.eye(4), atol=1e-12)  # q' = v
-
-
-SAMPLED = {"drive.period": 0.001, "drive.encoder_resolution": [1e6] * 4}
-
-
-@pytest.mark.parametrize("fields", [{}, SAMPLED], ids=["continuous", "sampled"])
-@pytest.mark.parametrize("kind", CONTROLLERS)
-def test_every_state_has_a_name(designed, kind, fields):
-    model = designed("coupled_pi", {"controller.kind": kind, **fields}, end=0.5).linear(20)
-    shapes = model.A.shape, (len(model.outputs), len(model.inputs))
-    assert shapes == ((len(model.states),) * 2, (model.C.shape[0], model.B.shape[1]))
-    assert len(set(model.states)) == len(model.states)
-    assert {name.rpartition("_")[0] for name in model.states[8:]} <= {"q_before", "integral"}
 
 
 # --- wrong arguments ------------------------------------------------------------------------------

@@ -64,13 +64,6 @@ def test_links_exist(page):
             assert heading[1:] in slugs, heading
 
 
-def test_readme_is_short_and_has_one_command_to_reproduce_and_one_to_test():
-    readme = TEXTS["README.md"]
-    assert len(readme.splitlines()) <= 120
-    lines = re.findall(r"^```sh\n(.*)\n```", readme, re.MULTILINE)
-    assert [line.rsplit("/", 1)[1].split()[0] for line in lines] == ["sdt-drake", "pytest"]
-
-
 @pytest.mark.parametrize(
     "topic, page",
     [

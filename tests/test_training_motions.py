@@ -1,7 +1,6 @@
 """Every shipped training motion: planned with both planners, drawn, and told."""
 
 import runpy
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,15 +54,3 @@ def test_inversion_is_told_as_a_tumble_backwards(robot):
     assert pitch[push].min() < -40 and pitch[push].max() < 0
     forwards = head.specific_force[push, 0]
     assert forwards.max() > 1.2 and forwards.min() > 0
-
-
-def test_a_story_has_segments_where_their_times_are_known(robot):
-    """Of a motion that its planner has made longer, and of one from end to end, they are not."""
-    motion = load_plan("graveyard_spin", robot, period=PERIOD).motion
-    spin = story_of("graveyard_spin", robot, motion)
-    assert spin.title.startswith("Graveyard spin") and spin.feels
-    times = spin.segments[0].start, spin.segments[0].end
-    assert times == pytest.approx((2, 2 + np.pi / 2 * 90 / 15), abs=0.01)
-    longer, whole = replace(motion, period=1.2 * PERIOD), load_plan("reference", robot).motion
-    assert story_of("graveyard_spin", robot, longer).segments == ()
-    assert story_of("reference", robot, whole).segments == ()
