@@ -121,22 +121,9 @@ class Alone:
         update = self.system.EvalUniquePeriodicDiscreteUpdate(self.context)
         self.context.SetDiscreteState(update)
 
-    def at_once(self):
-        """Pairs of an input and an output on which it acts at once."""
-        return {
-            (i, o)
-            for a, i in enumerate(inputs_of(self.system))
-            for b, o in enumerate(outputs_of(self.system))
-            if self.system.HasDirectFeedthrough(a, b)
-        }
-
 
 def exact(actual, expected):
     np.testing.assert_array_equal(actual, expected)
-
-
-def close(actual, expected):
-    np.testing.assert_allclose(actual, expected, rtol=1e-12, atol=1e-12)
 
 
 def inputs_of(system):

@@ -90,8 +90,8 @@ class Motors:
         return self.amplitude * np.sin(self.omega_d * t)
 
 
-def axes_by_hand(designs, *, extra=0.0, steps=10):
-    """Speeds of axes from rest, shape (N + 1, designs, n); extra: load of the motors [N m]."""
+def axes_by_hand(designs, *, steps=10):
+    """Speeds of axes from rest, shape (N + 1, designs, n)."""
     motors = Motors(designs)
 
     def law(i):
@@ -99,7 +99,7 @@ def axes_by_hand(designs, *, extra=0.0, steps=10):
 
         def derivative(t, y):
             v, integral = y
-            against = load * (1 + motors.surprise(t)) + extra
+            against = load * (1 + motors.surprise(t))
             return np.array([(tau(v, integral) - against) / motors.inertia, rate(v)])
 
         return derivative
@@ -107,7 +107,7 @@ def axes_by_hand(designs, *, extra=0.0, steps=10):
     return rk4(law, np.zeros((2, len(designs), 4)), motors.motion.time, steps)[:, 0]
 
 
-def robot_by_hand(design, *, widened=False, extra=0.0, steps=5):
+def robot_by_hand(design, *, widened=False, steps=5):
     """States [q, v, integral] of the coupled plant from rest, shape (N + 1, 3, n)."""
     motors, plant = Motors([design], widened=widened), design.robot.plant
     context = plant.CreateDefaultContext()
@@ -118,7 +118,7 @@ def robot_by_hand(design, *, widened=False, extra=0.0, steps=5):
         def derivative(t, y):
             q, v, integral = y
             plant.SetPositionsAndVelocities(context, [*q, *v])
-            driven = GEAR * (tau(v, integral) - load * motors.surprise(t) - extra)[0]
+            driven = GEAR * (tau(v, integral) - load * motors.surprise(t))[0]
             rest = plant.CalcGravityGeneralizedForces(context) - plant.CalcBiasTerm(context)
             vd = np.linalg.solve(plant.CalcMassMatrix(context), driven + rest)
             return np.array([v, vd, rate(v)[0]])

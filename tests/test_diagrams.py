@@ -101,12 +101,3 @@ def test_it_writes_all_of_a_figure_with_python_alone(tmp_path):
     subprocess.run(command, cwd=tmp_path, env=os.environ | {"PATH": ""}, check=True)
     assert names_in(tmp_path / "new") == written("figure5") | written("device")
     check_same(content_of(tmp_path / "new/figure5_plot.png"), FOLDER / "figure5_plot.png")
-
-
-def test_without_arguments_it_draws_all_beside_itself(monkeypatch):
-    drawn = []
-    own = REDRAW["main"].__globals__
-    monkeypatch.setitem(own, "draw", lambda *what, record: drawn.append(what))
-    monkeypatch.setattr(sys, "argv", [str(SCRIPT)])
-    REDRAW["main"]()
-    assert drawn == [(name, FOLDER, ROWS) for name in NAMES]

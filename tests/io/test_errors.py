@@ -1,13 +1,12 @@
 """Files at the boundary: what is read, what is written, and that the two stay apart."""
 
 import os
-import pickle
 from pathlib import Path
 
 import pytest
 
 from sdt_drake.io import errors, files
-from sdt_drake.io.errors import InputError, Problem, at, within
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_input, checked_output, keeping_inputs, read_text, replacing
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.tables import read_table
@@ -108,14 +107,3 @@ def test_numbers_at_their_bounds(path):
         errors.checked_number(0, "x", minimum=0, exclusive=True)
     assert errors.whole_periods(0.1 + 0.2, 0.005, "x") == 60  # but for round-off
     refused(r"x: 0\.3004 s is not a whole", errors.whole_periods, 0.3004, 0.005, "x")
-
-
-def test_problems_are_data_that_other_processes_take():
-    def fail():
-        told = errors.retelling(lambda problem: problem._replace(accepted="less"))
-        with told, within("a.yaml"), within("a.yaml"), at("plant"), at("friction"):
-            raise InputError("too large", place="[2]")
-
-    error = refused(r"^a\.yaml: plant\.friction\[2\]: too large, expected less$", fail)
-    problem = Problem("too large", "less", "plant.friction[2]", "a.yaml")
-    assert pickle.loads(pickle.dumps(error)).problems == error.problems == (problem,)

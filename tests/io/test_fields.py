@@ -146,13 +146,6 @@ ALL = [
 ]
 
 
-@pytest.mark.parametrize(("model", "data", "lines"), ALL)
-def test_all_that_is_wrong_is_told_at_once(model, data, lines):
-    with pytest.raises(InputError) as error:
-        made(model, data, FILE)
-    assert error.value.lines == [f"/runs/file.yaml: {line}" for line in lines]
-
-
 def scenario(name, fields):
     return with_fields(load_scenario(name), fields)
 

@@ -1,7 +1,6 @@
 """YAML at the boundary: large, deep and odd texts are refused before they cost anything."""
 
 import pytest
-from pydrake.common.yaml import yaml_load_data
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.yaml_files import read_yaml
@@ -31,22 +30,3 @@ def test_refused(tmp_path, text, message):
     (tmp_path / "file.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=rf"file\.yaml: {message}"):
         read_yaml(tmp_path / "file.yaml")
-
-
-def test_aliases_merged_keys_tags_and_hidden_keys_are_read_as_drake_does(tmp_path):
-    path = tmp_path / "file.yaml"
-    text = """
-_hidden: 1
-a: &a {x: [1, 2], y: 1e3}
-b: {<<: *a, y: *a}
-c: {<<: [*a, {x: 3, z: 4}], y: 5}
-d: !Kind {x: .inf}
-e: [~, true, 0x10, -1, 1.5, text]
-f: |
-  two\tparts
-  and lines
-"""
-    path.write_text(text)
-    assert read_yaml(path) == yaml_load_data(text)
-    path.write_text("# nothing\n")
-    assert read_yaml(path) is None

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
-from drive_readers import read_cam, read_csv, read_st, read_trajectory
+from drive_readers import read_cam, read_csv, read_trajectory
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
@@ -24,7 +24,6 @@ from sdt_drake.machine.drive_files import (
     set_points,
     write_drive_table,
 )
-from sdt_drake.machine.drive_files.formats import samples_from_cam
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.run.design import make_design
@@ -154,32 +153,6 @@ def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, motion, tmp_pa
     np.testing.assert_allclose(columns["v_motor"], R * motion.v)
     links = torque_groups(robot, motion.q, motion.v, motion.vd).total
     np.testing.assert_allclose(columns["tau_motor"], links / R + ROTOR * R * motion.vd, atol=1e-8)
-
-
-def test_files_hold_what_the_loop_is_fed_from(robot, motion, tmp_path):
-    scenario = Scenario(controller=ControllerChoice(omega_r=66.0))
-    design = make_design(scenario, robot=robot, motion=motion)
-    drives = drives_with(sign=[1, -1, 1, -1], zero=[0, 7, -500, 2**20])
-    exported = export(design, drives, tmp_path, cam_points=50, title="x")
-    cam = read_cam(tmp_path / "cam.csv", robot, drives)
-    for read, made in (
-        (read_csv(tmp_path / "set_points.csv", drives), exported.points),
-        (read_st(tmp_path / "set_points.st", drives), exported.points),
-        (read_trajectory(tmp_path / "trajectory.yaml", robot), exported.own),
-        (cam, samples_from_cam(robot, drives, exported.cam)),
-    ):
-        for name, values in vars(made).items():
-            np.testing.assert_allclose(getattr(read, name), values, rtol=1e-9, err_msg=name)
-    np.testing.assert_allclose(cam.q, exported.samples.q, atol=1e-4)
-    np.testing.assert_array_equal(exported.own.q, motion.q)
-    # Its README tells where axes are homed: zero, and the positions of start and end.
-    text = (tmp_path / "README.md").read_text(encoding="utf-8")
-    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
-    homing = [row for row in rows if row[0] in "1234" and len(row) == 6]
-    zero, first, start, last = np.array([row[2:] for row in homing], dtype=float).T
-    np.testing.assert_array_equal(zero, [axis.zero for axis in drives.axes])
-    np.testing.assert_array_equal([first, last], exported.points.position[[0, -1]])
-    np.testing.assert_allclose(start, np.degrees(motion.q[0]), atol=1e-4)
 
 
 # --- bad input -------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dh import DATA, UR10, needs_data
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import GENERATORS
 
@@ -72,22 +72,6 @@ def test_any_format_unit_and_side_gives_the_same_recording(tmp_path_factory, rob
 
 
 LINES = st.lists(st.sampled_from([HEADER, "0,1,2,3,4,5,6,7,8", "1;2", "nan", ",,", "x,y", "0.01"]))
-
-
-@settings(max_examples=60)
-@given(
-    st.one_of(st.binary(max_size=200), LINES.map("\n".join).map(str.encode)),
-    st.sampled_from([".csv", ".mat", ".txt"]),
-)
-def test_any_bytes_give_one_error_with_the_file_or_a_recording(
-    tmp_path_factory, robot, data, suffix
-):
-    path = tmp_path_factory.mktemp("r") / f"r{suffix}"
-    path.write_bytes(data)
-    try:
-        assert np.isfinite(read_recording(path, robot).signals["q"]).all()
-    except InputError as error:
-        assert f"r{suffix}" in str(error) and "\n" not in str(error)
 
 
 def test_torques_that_are_late_are_put_at_their_time(tmp_path, table, robot):

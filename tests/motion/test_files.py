@@ -85,27 +85,6 @@ def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return size * (1 - np.cos(angle)), size * w * np.sin(angle)
 
 
-@settings(ANY_FILE, max_examples=10)
-@given(
-    gaps=st.lists(st.floats(0.001, 0.013), min_size=1, max_size=9),
-    start=st.floats(-9, 9),
-    given_=st.sampled_from(["v_ref", "q_ref", "q_ref v_ref"]),
-)
-def test_any_samples_become_the_interpolation_period(tmp_path, gaps, start, given_):
-    time = np.concatenate([[0], np.cumsum(np.resize(gaps, 4000))])
-    time = np.append(time[time < 3.999], 4.0)
-    q, v = swing(time)
-    columns = {name: x for name, x in (("q_ref", q), ("v_ref", v)) if name in given_}
-    write_table(tmp_path / "in.csv", time + start, columns)
-    motion, loss = import_motion(tmp_path / "in.csv", PERIOD)
-    assert motion.period == PERIOD and motion.duration == pytest.approx(4.0)
-    np.testing.assert_allclose([motion.q, motion.v], swing(motion.time), atol=2e-3)
-    if "v_ref" in given_:  # the loss is that at the samples of the file
-        off = np.abs(np.stack([np.interp(time, motion.time, x) for x in motion.v.T], axis=1) - v)
-        np.testing.assert_allclose(loss.speed, off.max(axis=0), atol=1e-9)
-    assert np.all(loss.position < 1e-3)
-
-
 def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
     time = 0.001 * np.arange(20003)
     q = np.stack([np.sin(time) ** 2, np.cos(3 * time)], axis=1)

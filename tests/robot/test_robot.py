@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from robots import ARM, URDF, loaded, refused
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.motors import load_catalogue
 
 
@@ -112,20 +110,3 @@ BAD = [
 @pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
 def test_a_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
     refused(ARM, old, new, message)
-
-
-def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some():
-    none = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
-    start, end = ARM.index("<mass>"), ARM.index("</inertial>") + len("</inertial>")
-    robot = loaded(ARM[:start] + none + ARM[end:])
-    assert robot.accepted == ("accepted without mass: upper",)
-    # Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor.
-    M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
-    elbow = 0.2 + 2 * 0.3**2
-    np.testing.assert_allclose(M, [[0.2 + 2 * 1.1**2 + 1, 0.2 + 2 * 0.3 * 1.1], [M[0, 1], elbow]])
-    message = _ELBOW + r"inertia about its axis 0 kg m².* 'shoulder' is 2\.5 kg"
-    refused(ARM, _LOWER_INERTIAL, f"<inertial>{none}", message)
-    scaled = deviated(robot, Deviation(inertia_scale=1.5)).plant
-    assert [scaled.GetBodyByName(x).default_mass() for x in ("upper", "lower")] == [0, 3]
-    with pytest.raises(InputError, match="payload_mass: link 'upper' has no mass to scale"):
-        deviated(robot, Deviation("upper", payload_mass=1.0))

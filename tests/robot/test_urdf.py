@@ -1,11 +1,9 @@
 """What a URDF says is read as Drake reads it; what it cannot say is refused."""
 
 import numpy as np
-import pytest
-from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from robots import URDF, loaded, refused
+from robots import URDF, loaded
 
 
 def dynamics(plant, q):
@@ -38,18 +36,6 @@ def test_places_and_turned_inertias_are_those_of_drakes_own_reader():
         np.testing.assert_allclose(gravity, gravity_drake, rtol=1e-12, atol=1e-12)
 
 
-def test_frames_and_links_without_mass_are_read():
-    more = (
-        "<link name='tool'/><joint name='flange' type='fixed'><parent link='lower'/>"
-        "<child link='tool'/><origin xyz='1 0 0'/></joint>"
-        "<frame name='head' link='tool' xyz='0 2 0' rpy='0 0 1'/></robot>"
-    )
-    plant = loaded(URDF.replace("</robot>", more), ".urdf").plant
-    found = plant.GetFrameByName("head").CalcPoseInWorld(plant.CreateDefaultContext())
-    expected = RigidTransform(RollPitchYaw(0, 0, 1), [1.8, 2, 0])
-    np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-15)
-
-
 _SHOULDER, _ELBOW = "joint 'shoulder'.*", "joint 'elbow'.*"
 _LOWER_BODY = URDF[URDF.rindex("<inertial>") : URDF.rindex("</inertial>") + len("</inertial>")]
 
@@ -67,8 +53,3 @@ BAD = [
     ('<link name="base"/>', '<link name="base"/><link name="b"/>', "2 links that no joint carries"),
     ("rotor_inertia", "rotor_intertia", "<drake:rotor_intertia> in <actuator> .* did you mean"),
 ]
-
-
-@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_urdf_is_refused_with_file_and_place(old, new, message):
-    refused(URDF, old, new, message)

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import PassThrough
 from variants import kind
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.run.loop import make_loop
@@ -71,31 +69,3 @@ def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, spee
     np.testing.assert_allclose(run.v, motion.v, atol=2e-5)
     np.testing.assert_array_equal(run.q_ref, motion.q)  # not that of the design
     assert np.abs(run.tau[0, 1]) > 30  # joint 2 carries a load
-
-
-def test_bad_calls_are_refused(designed):
-    """Among them those of what is known along a planned motion alone."""
-    for fields, message in (
-        (kind("p_pi+id"), "reference: 'external', but feedforward_table is computed along the"),
-        (ONLINE | {"plant.kind": "axis"}, "reference: 'external', but the load of the axis plan"),
-    ):
-        with pytest.raises(InputError, match=message):
-            make_loop(designed("coupled_pi", fields, end=0.1), reference="external")
-    design = designed("coupled_pi", ONLINE, end=0.1)
-    for choice, message in (
-        ({"reference": "outside"}, "reference: 'outside', expected one of planned, external"),
-        ({"controller": "pi"}, "^controller: a str, expected a System"),
-        ({"controller": PassThrough(4)}, "controller: outputs: y of length 4, expected tau_cmd"),
-    ):
-        with pytest.raises(InputError, match=message):
-            make_loop(design, **choice)
-    open_loop = make_loop(design, controller="external")
-    nowhere = Motion(0.005, *np.full((3, 21, 4), np.nan))
-    for run, message in (
-        ({"diagram": open_loop}, "^tau_cmd: external, but nothing is connected, exp"),
-        ({"diagram": fed(design, nowhere)}, "reference: .*nan"),
-        ({"q": np.zeros(3)}, r"q: of shape \(3,\), expected \(4,\)"),
-        ({"v": [0, np.nan, 0, 0]}, r"v\[1\]: nan, expected finite numbers"),
-    ):
-        with pytest.raises(InputError, match=message):
-            simulate(design, **run)

@@ -8,12 +8,10 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
     Adder,
-    ConstantVectorSource,
     Gain,
     Integrator,
     LogVectorOutput,
     MatrixGain,
-    PassThrough,
     ZeroOrderHold,
 )
 
@@ -22,7 +20,6 @@ from sdt_drake.show.diagrams import dot_text, laid_out
 from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
-from sdt_drake.show.diagrams.text import in_html, in_mathtext, text_size
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems import connect_by_name
@@ -106,26 +103,6 @@ def test_each_block_and_each_connection_is_there_once():
     assert wires_of(picture) == Counter(tuple(wire.split()) for wire in wires.split(", "))
 
 
-def test_pass_throughs_are_lines_and_what_comes_from_outside_and_goes_there_has_names():
-    picture = walk(make_chain(PassThrough(1), Integrator(1)))
-
-    ends = {block.path[-1]: block.text for block in blocks_of(picture).values()}
-    assert ends == {"s1": "1/s", "speed (in)": "speed", "torque (out)": "torque"}
-    assert wires_of(picture) == Counter([("speed (in)", "s1"), ("s1", "torque (out)")])
-
-
-@pytest.mark.parametrize(
-    ("read", "drawn_blocks"),
-    [(["one"], {"source", "one", "one (out)"}), ([], {"source", "one", "other"})],
-)
-def test_what_only_a_log_reads_is_not_drawn_unless_nothing_is_read(read, drawn_blocks):
-    gains = [(name, Gain(2.0, 1), f"x {name}") for name in ("one", "other")]
-    source = ("source", ConstantVectorSource([1.0]), "x")
-    diagram = wired(source, *gains, outputs=read, logged=["one", "other"])
-
-    assert set(blocks_of(walk(diagram))) == drawn_blocks
-
-
 @pytest.mark.parametrize(
     ("system", "shape", "text"),
     [
@@ -177,16 +154,6 @@ def test_minus_of_gains(systems, texts, signs):
 
 
 # --- names of signals ------------------------------------------------------------------------
-
-
-def test_greek_letters_and_subscripts():
-    assert in_html("tau_cmd") == "τ<SUB>cmd</SUB>"
-    assert in_html("K_IS/s") == "K<SUB>IS</SUB>/s"
-    assert in_html("load_torque") == "load torque"
-    assert in_html("tau") == "τ" and in_html("a<b\nc") == "a&lt;b<BR/>c"
-    assert in_mathtext("I_eff,max s") == r"I$_{\text{eff,max}}$ s"
-    assert in_mathtext("load_torque [$]") == r"load torque [\$]"
-    assert text_size("tau_cmd")[0] < text_size("tau cmd")[0] < text_size("tau cmd, long")[0]
 
 
 # --- on the page -----------------------------------------------------------------------------

@@ -1,10 +1,8 @@
 """The reference of all files says everything, and what is committed of it is what it says."""
 
-import dataclasses
 import json
 import re
 
-import numpy as np
 import pytest
 import yaml
 
@@ -13,14 +11,11 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import parts
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.machine.drive_files import Samples, write_drive_table
-from sdt_drake.motion import Motion
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.reference import FILES, SCHEMAS, TOPICS, schema_text, with_reference
 
 MODELS = models_dir()
 SHIPPED = sorted(MODELS.rglob("*.yaml"))
-MODELINE = re.compile(r"# yaml-language-server: \$schema=(.*)\n")
 
 
 class Yaml12(yaml.SafeLoader):
@@ -65,18 +60,6 @@ def test_committed_reference_is_what_the_command_writes():
     assert set(re.findall(r'"(!\w+) mapping"', page)) == tags and len(tags) == 13
 
 
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
-def test_shipped_files_name_the_schema_that_they_keep(file):
-    text = file.read_text(encoding="utf-8")
-    path = (file.parent / MODELINE.match(text)[1]).resolve()
-    assert path.parent == MODELS.resolve() / SCHEMAS
-    load_yaml(FILES[path.stem], file)  # so it is a file of that kind
-    schema = json.loads(path.read_text(encoding="utf-8"))
-    check = validator(schema)
-    check.check_schema(schema)
-    assert list(check.iter_errors(yaml.load(text, Yaml12))) == []
-
-
 WRONG = [
     ("scenario", "coupled_pi", "kind: coupled", "kind: cupled"),
     ("scenario", "coupled_pi", "omega_r: 65.991", "omega_r: -1"),
@@ -102,20 +85,6 @@ def test_schemas_refuse_what_the_package_refuses(topic, name, right, wrong, tmp_
 
 def header(path):
     return path.read_text(encoding="utf-8").splitlines()[0].split(",")
-
-
-def test_columns_of_tables_are_those_of_the_files(robot, tmp_path):
-    n, file = robot.n, tmp_path / "a.csv"
-    still = Motion.from_speeds(0.005, np.zeros(n), np.zeros((3, n)))
-    values = {f.name: np.zeros((3, n)) for f in dataclasses.fields(Recording)}
-    recording = Recording(**{**values, "time": still.time})
-    samples = Samples(still.period, still.q, still.v, still.q)
-    sheets = [*TOPICS["recording"]().sheets, *TOPICS["tables"]().sheets]
-    writers = (recording.to_csv, still.to_csv, lambda path: write_drive_table(path, robot, samples))
-    for sheet, write in zip(sheets, writers, strict=True):
-        write(file)
-        names = [name.replace("_k", f"_{k}") for name, *_ in sheet.rows for k in range(1, n + 1)]
-        assert list(dict.fromkeys(names)) == header(file)
 
 
 def test_command(tmp_path, capsys):

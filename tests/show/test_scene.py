@@ -1,17 +1,9 @@
 """What pictures of a motion have in them: the device, the head in it, its specific force."""
 
-import re
-
 import numpy as np
 import pytest
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
-from pydrake.systems.framework import DiagramBuilder
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.robot.robot import load_robot
-from sdt_drake.show.view3d import scene as scene_module
 from sdt_drake.show.view3d.scene import (
     FRAME_RATE,
     METRES_PER_G,
@@ -82,16 +74,6 @@ def test_felt_head_turns_no_more_than_down_needs(robot):
     assert np.all(np.isfinite(felt_rotation(rotation, -true)))
 
 
-def test_a_weightless_head_has_no_felt_attitude(robot, monkeypatch, meshcat):
-    def weightless(*_):
-        raise InputError("specific_force: 0 m/s²")
-
-    monkeypatch.setattr(scene_module, "feel", weightless)
-    frames = make_frames(robot, TIME, smooth(robot)[0])
-    assert frames.head is not None and frames.felt is None
-    Scene(robot, frames, meshcat).show(3)
-
-
 @pytest.mark.parametrize("force", [(0, 0, 9.81), (3, -4, 2), (0, 0, -19.62), (-9.81, 0, 0)])
 def test_arrow_points_along_the_force(force):
     pose, length = arrow_pose(np.array([1.0, 2.0, 3.0]), np.array(force, dtype=float))
@@ -110,33 +92,6 @@ BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"
 
 
 # --- the device as it is drawn ------------------------------------------------------------------
-
-
-def test_parts_of_the_device_pass_each_other_freely():
-    """At any angles, links touch at the flanges of their joints only."""
-    text = re.sub(r"<material>.*?</material>", "", load_robot().path.read_text(encoding="utf-8"))
-    text = text.replace("<visual ", "<collision ").replace("</visual>", "</collision>")
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    Parser(plant).AddModelsFromString(text, "sdf")
-    plant.Finalize()
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    inspector = scene_graph.model_inspector()
-    parts = []
-    for geometry in inspector.GetAllGeometryIds():
-        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
-        name = inspector.GetName(geometry).split("::")[-1]
-        if "flange" not in name and name != "yaw_motor":
-            parts.append((body.replace("payload", "gondola"), name, geometry))
-    pairs = [(a, b) for i, a in enumerate(parts) for b in parts[:i] if a[0] != b[0]]
-    assert len(pairs) > 500
-    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (40, plant.num_positions())):
-        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q)
-        query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
-        for (one, a, first), (other, b, second) in pairs:
-            distance = query.ComputeSignedDistancePairClosestPoints(first, second).distance
-            assert distance > 0, f"{one}: {a} in {other}: {b} at {np.degrees(q).round()} deg"
 
 
 def test_the_floor_is_below_all_links(robot, meshcat):

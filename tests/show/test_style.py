@@ -51,18 +51,6 @@ def figure():
     return figure
 
 
-@pytest.mark.parametrize(
-    ("suffix", "magic"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
-)
-def test_save_writes_what_the_suffix_says(figure, tmp_path, suffix, magic):
-    before = dict(matplotlib.rcParams)
-    path = tmp_path / "new" / "folder" / f"figure.{suffix}"
-    assert save(figure, str(path)) == path
-    assert path.read_bytes().startswith(magic)
-    assert list(path.parent.iterdir()) == [path]
-    assert dict(matplotlib.rcParams) == before
-
-
 def test_the_same_figure_gives_the_same_svg(figure, tmp_path):
     one, two = (save(figure, tmp_path / name).read_bytes() for name in ("a.svg", "b.svg"))
     assert one == two and b"<dc:date>" not in one

@@ -121,29 +121,6 @@ def test_page_plays_alone(page, robot, page_file):
     assert len(set(before)) > 50 and colours(page) != before
 
 
-def test_page_tells_angles_g_and_segments(page, robot):
-    frames = make_frames(robot, TIME, smooth(robot)[0])
-    for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
-        seek(page, frames.time[k])
-        angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
-        names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
-        # The page played until now, and may still show a moment before.
-        page.wait_for_function(
-            """told => `${told}` ===
-              `${Array.from(document.querySelectorAll("#sdt-joints td"), x => x.innerText)}`""",
-            arg=[text for pair in zip(names, angles, strict=True) for text in pair],
-        )
-        assert page.inner_text("#sdt-time").startswith(f"{frames.time[k]:.1f} ")
-        g = frames.head.resultant_g[k]
-        assert page.inner_text("#sdt-g") == f"{g:.2f} G"
-        shown = page.evaluate("document.getElementById('sdt-meter').value")
-        assert shown == pytest.approx(g, abs=0.006)
-        assert page.locator("#sdt-segments td").all_inner_texts() == [
-            "roll", going[0], "yaw", going[1],
-        ]  # fmt: skip
-    assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
-
-
 def test_pilots_view_rides_along(page, robot, meshcat):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head

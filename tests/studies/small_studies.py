@@ -14,7 +14,6 @@ variables:
 - fields: [controller]
   distribution: !Choice {{values: [pi, p_pi+id]}}
 """
-RUNS = 16  # of many.yaml
 
 
 def write_files(folder: Path) -> None:

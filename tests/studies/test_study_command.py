@@ -1,11 +1,8 @@
 """`sdt-drake study` as a user meets it: what it refuses, what it shows, and nothing is lost."""
 
-import csv
-import json
 import re
 import shutil
 import sqlite3
-import sys
 
 import numpy as np
 import pytest
@@ -13,7 +10,6 @@ from small_studies import rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.run.simulate import Recording
-from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.store import DATABASE, Store
 
 
@@ -100,17 +96,6 @@ def test_a_study_with_more_time_for_its_runs_is_the_same(copied, files, capfd, u
 # --- results ---------------------------------------------------------------------------------
 
 
-def test_a_study_is_shown_and_repeated_without_its_database(copied, undisturbed, capfd):
-    """Of an older version, too: rows and inputs come from results.parquet."""
-    with Store(copied) as store:
-        state = store.about | {"versions": {"package": "0.1.0"}}
-    (copied / "state.json").write_text(json.dumps(state))
-    (copied / DATABASE).rename(copied / "rows.jsonl")
-    np.testing.assert_equal(*(vars(read_study_table(x)) for x in (copied, undisturbed)))
-    assert main(["study", "repeat", f"{copied}", "--row", "5"]) == 0
-    assert "The study was run with package 0.1.0" in capfd.readouterr().out
-
-
 def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
     (desk / "short.yaml").unlink()
     command = ["study", "repeat", f"{copied}", "--row", "5", "--out", "row.csv"]
@@ -127,15 +112,3 @@ def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
     monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])
     assert main(command) == 0
     assert "many, row 5: the run failed: roll, 2 deg; yaw\ninput " in capfd.readouterr().out
-
-
-def test_a_csv_where_there_is_no_pyarrow(desk, undisturbed, monkeypatch, capfd):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    folder = shutil.copytree(undisturbed, desk / "many")
-    assert main(["study", "many.yaml", "--resume"]) == 0
-    assert "many/results.csv written" in capfd.readouterr().out
-    found = [*csv.DictReader((folder / "results.csv").open())]
-    expected = rows(undisturbed).to_pylist()
-    assert [float(row["felt_share"]) for row in found] == [row["felt_share"] for row in expected]
-    assert found[1]["controller"] == "p_pi+id"
-    assert {row["constant_speed_error_1"] for row in found} == {""}  # nothing is that long

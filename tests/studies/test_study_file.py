@@ -1,6 +1,5 @@
 """Studies as data: distributions, draws, rows, fields, and what is refused."""
 
-import dataclasses
 import math
 from statistics import NormalDist
 
@@ -14,7 +13,6 @@ from sdt_drake.robot.device import Friction
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
-from sdt_drake.studies.fields import find_field
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import Study, Variable, load_study
 
@@ -163,25 +161,6 @@ def scenario() -> Scenario:
     scenario = Scenario(device=DeviceChoice(motors=["a", "b"]))
     scenario.plant.friction = Friction(coulomb=[1.0, 2.0, 4.0])
     return scenario
-
-
-@pytest.mark.parametrize(
-    ("name", "how", "value", "expected"),
-    [
-        ("controller.anti_windup", "value", True, True),
-        ("plant.friction.coulomb[3]", "value", 9.0, [1, 2, 9]),
-        ("plant.friction.coulomb", "factor", 3.0, [3, 6, 12]),
-        ("plant.friction.coulomb[2]", "offset", 3.0, [1, 5, 4]),
-        ("device.motors[2]", "value", "c", ["a", "c"]),
-        ("period", "factor", 3.0, 0.015),
-    ],
-)
-def test_sets_what_it_gets_and_nothing_else(scenario, name, how, value, expected):
-    field, before = find_field(name), dataclasses.asdict(scenario)
-    field.put(scenario, value, how)
-    assert field.type is type(value) and field.get(scenario) == pytest.approx(expected)
-    after = dataclasses.asdict(scenario)
-    assert [key for key in before if before[key] != after[key]] == [name.split(".")[0]]
 
 
 def test_a_change_is_refused_where_the_study_would_overwrite_it():

@@ -1,11 +1,7 @@
 """Whatever ends a study on its way: nothing is lost, and no process stays behind."""
 
-import contextlib
 import math
-import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterable
 from concurrent.futures import Future
 from pathlib import Path
@@ -14,10 +10,8 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from odd_job import wait_for_end
-from small_studies import RUNS, rows
+from small_studies import rows
 
-from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.folder import opened
@@ -58,12 +52,6 @@ def test_rows_come_back_exactly_and_in_order(written):
     assert [*found["reason"]] == [ROWS[1].reason, "", ""]
     assert [*found["duration"], *found["a"]] == [0.2, 0.1, 1e-7] + [0.1] * 3
     assert [*found["x"], *found["y"]] == [None, 1 / 3, 1e300, None, None, 5e-324]
-
-
-def test_inputs_that_differ_in_capital_letters_alone_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"cannot begin a study .*duplicate column name: A"):
-        create(tmp_path, {"outcomes": []}, {"a": False, "A": False})
-    assert not any(tmp_path.iterdir())
 
 
 def test_full_disk(written):
@@ -169,40 +157,3 @@ def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(files, do
 
 
 # --- as a user does --------------------------------------------------------------------------
-
-
-@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
-def test_ctrl_c_and_resume(desk, undisturbed, capfd):
-    """Beside files that are called like modules that are needed."""
-    for name in ("random", "copy", "numpy", "argparse", "logging", "table"):
-        (desk / f"{name}.py").write_text("raise RuntimeError('a wrong module')")
-    (desk / "temporary").mkdir()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sdt_drake", "study", "many.yaml"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "TMPDIR": str(desk / "temporary")},
-        start_new_session=True,
-    )
-    while int(process.stdout.readline().split()[0]) < 2:  # rows are done
-        pass
-    process.send_signal(signal.SIGSTOP)  # so that it is not done before we have looked
-    assert main(["study", "many.yaml", "--resume"]) == 2
-    assert "many: another process runs this study" in capfd.readouterr().err
-    process.send_signal(signal.SIGCONT)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all that listen
-    _, err = process.communicate()
-    assert (process.returncode, err) == (130, "")
-    for path in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(ProcessLookupError):
-            if os.getsid(int(path.name)) == process.pid:
-                wait_for_end(int(path.name))
-    assert not any((desk / "temporary").iterdir())
-
-    with Store(desk / "many") as store:
-        there = len(store.done())
-    assert 2 <= there < RUNS and not (desk / "many" / "results.parquet").exists()
-    assert main(["study", "many.yaml", "--resume"]) == 0
-    assert capfd.readouterr().out.startswith(f"{there} of {RUNS} runs\n")
-    assert rows(desk / "many").equals(rows(undisturbed))

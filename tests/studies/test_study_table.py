@@ -1,6 +1,5 @@
 """The table of a study: designs and their front, statistics against closed forms, and reports."""
 
-import dataclasses
 import re
 
 import numpy as np
@@ -13,7 +12,6 @@ from sdt_drake.show.reports import study as report
 from sdt_drake.studies.summary import (
     explained_share,
     percentiles,
-    sensitivity,
     worst_runs,
 )
 from sdt_drake.studies.table import pareto
@@ -75,36 +73,6 @@ def test_the_ishigami_function(generator):
     total = 7**2 / 8 + 0.1 * np.pi**4 / 5 + 0.1**2 * np.pi**8 / 18 + 0.5
     found = [explained_share(x[:, k], y).value for k in range(3)]
     assert found == pytest.approx([v1 / total, v2 / total, 0], abs=0.015)
-
-
-@pytest.mark.parametrize("levels", [None, 12], ids=["numbers", "texts"])
-def test_noise_explains_nothing_on_average(generator, levels):
-    def draw():
-        return generator.integers(levels, size=100).astype(str) if levels else generator.random(100)
-
-    shares = [explained_share(draw(), generator.normal(size=100)) for _ in range(200)]
-    shares, errors = np.array(shares).T
-    # They say how far chance takes the share, a little more where groups are small.
-    assert 0.8 * np.std(shares) < np.sqrt(np.mean(errors**2)) < 1.8 * np.std(shares)
-    assert np.mean(shares) == pytest.approx(0, abs=4 * np.std(shares) / np.sqrt(200))
-
-
-@pytest.mark.parametrize(("draws", "levels"), [(20, 20), (100, 4)])
-def test_runs_of_one_draw_are_one_sample_of_what_is_drawn(generator, draws, levels):
-    """y = x + g, with z drawn beside x, and each draw run at every level of g: z explains nothing,
-    and neither takes the variance of g for its own."""
-    g = np.tile(np.arange(levels) / levels, draws)
-    exact = 1 / 12 / (1 / 12 + np.var(g))
-    found = []
-    for _ in range(50):
-        x, z = generator.uniform(size=(2, draws)).repeat(levels, axis=1)
-        table = dataclasses.replace(small_table(x + g, x=x, z=z, g=g), per_draw=levels)
-        found.append([sensitivity(table, "y")[name] for name in "xzg"])
-    values, errors = np.moveaxis(np.array(found), -1, 0)
-    assert np.mean(values[:, 1]) == pytest.approx(0, abs=4 * np.std(values[:, 1]) / np.sqrt(50))
-    assert np.mean(values[:, 0]) == pytest.approx(exact, abs=0.08)  # what few bins lose
-    assert np.mean(values[:, 2]) == pytest.approx(1 - exact, abs=0.02)
-    assert np.all(0.7 * values.std(axis=0)[:2] < errors.mean(axis=0)[:2])
 
 
 # --- report and figures ----------------------------------------------------------------------

@@ -5,7 +5,6 @@ import gc
 
 import numpy as np
 import pytest
-from alone import Alone
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.loop import make_loop
@@ -24,25 +23,6 @@ def calls(monkeypatch):
 
     monkeypatch.setattr(module, "groups_of_sample", counted)
     return seen
-
-
-def test_torques_are_evaluated_for_a_new_reference_and_for_nothing_else(robot, calls):
-    block, other = Alone("LoadTorque", robot), Alone("LoadTorque", robot)
-    first, second = np.random.default_rng(6).normal(size=(2, 12))
-    block.give(reference=first)
-    torque = block.output("load_torque")
-    for time in (0.0, 1.7):
-        block.context.SetTime(time + 1)
-        block.context.SetAccuracy(1e-3 / (1 + time))
-        np.testing.assert_array_equal(block.output("load_torque"), torque)
-        block.output("alleviating_torque")
-    assert len(calls) == 1
-    # Another context of the same block, and a copy of one, are on their own.
-    other.system, other.context = block.system, block.context.Clone()
-    other.give(reference=second)
-    other.output("load_torque")
-    np.testing.assert_array_equal(block.output("load_torque"), torque)
-    np.testing.assert_array_equal(calls, [first, second])
 
 
 def test_torques_are_evaluated_once_per_sample_in_a_run(designed, calls):
