@@ -1,4 +1,4 @@
-"""Robots of tests as texts: a planar arm with round numbers, and random chains."""
+"""Robots of tests as texts: those of files, and random chains."""
 
 import atexit
 import functools
@@ -12,73 +12,18 @@ import pytest
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import Robot, load_robot
 
-# A planar arm: both joints turn about y; at q = 0 it points along x. Link 1 is 0.8 m long, its
-# centre of mass is at 0.5 m; that of link 2 is 0.3 m from the elbow.
-ARM = """<?xml version="1.0"?>
-<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
-  <model name="arm">
-    <link name="upper">
-      <inertial>
-        <pose>0.5 0 0 0 0 0</pose><mass>4</mass>
-        <inertia><ixx>0.25</ixx><iyy>0.5</iyy><izz>0.6</izz></inertia>
-      </inertial>
-    </link>
-    <link name="lower">
-      <pose relative_to="elbow"/>
-      <inertial>
-        <pose>0.3 0 0 0 0 0</pose><mass>2</mass>
-        <inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.25</izz></inertia>
-      </inertial>
-    </link>
-    <joint name="shoulder" type="revolute">
-      <parent>world</parent><child>upper</child>
-      <axis>
-        <xyz>0 1 0</xyz>
-        <limit><effort>90</effort><velocity>3</velocity><lower>-2</lower><upper>1</upper></limit>
-        <dynamics><damping>0.7</damping></dynamics>
-      </axis>
-      <drake:rotor_inertia>0.01</drake:rotor_inertia><drake:gear_ratio>10</drake:gear_ratio>
-    </joint>
-    <joint name="elbow" type="revolute">
-      <pose relative_to="upper">0.8 0 0 0 0 0</pose><parent>upper</parent><child>lower</child>
-      <axis><xyz>0 1 0</xyz><limit><effort>40</effort></limit></axis>
-    </joint>
-  </model>
-</sdf>
-"""
+_FILES = Path(__file__).with_name("robot")
+ARM, URDF, RATE_TABLE, SIX, SEVEN = (
+    (_FILES / name).read_text(encoding="utf-8")
+    for name in ("arm.sdf", "arm.urdf", "rate_table.urdf", "six.urdf", "seven.urdf")
+)
+"""Robots without shapes, as their owners bring them.
 
-URDF = """<?xml version="1.0"?>
-<robot name="arm" xmlns:drake="http://drake.mit.edu">
-  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
-  <link name="base"/>
-  <link name="upper"><inertial>
-    <origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="4"/>
-    <inertia ixx="0.25" iyy="0.5" izz="0.6" ixy="0" ixz="0" iyz="0"/>
-  </inertial></link>
-  <link name="lower"><inertial>
-    <origin xyz="0.3 0 0"/><mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.25"/>
-  </inertial></link>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-    <limit effort="90" velocity="3" lower="-2" upper="1"/><dynamics damping="0.7"/>
-    <safety_controller k_velocity="9"/>
-  </joint>
-  <joint name="elbow" type="continuous">
-    <origin xyz="0.8 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>
-    <limit effort="40"/>
-  </joint>
-  <transmission name="drive">
-    <robotNamespace>/arm</robotNamespace>
-    <type>transmission_interface/SimpleTransmission</type>
-    <joint name="shoulder"><hardwareInterface>effort</hardwareInterface></joint>
-    <actuator name="motor">
-      <drake:rotor_inertia value="0.01"/><mechanicalReduction>10</mechanicalReduction>
-    </actuator>
-  </transmission>
-  <gazebo reference="upper"><mu1>0.2</mu1></gazebo>
-</robot>
+ARM and URDF: a planar arm whose joints turn about y; at q = 0 it points along x. Link 1 is 0.8 m
+long, with its centre of mass at 0.5 m; that of link 2 is 0.3 m from the elbow. RATE_TABLE: three
+axes that meet in a point. SIX: parallel axes 2, 3, 4 and a wrist with offsets, of about a UR5e's
+numbers. SEVEN: joint 4 does not reach 0, of about a Panda's numbers.
 """
-"""The same arm."""
 
 
 def chain_names(n: int) -> tuple[str, ...]:

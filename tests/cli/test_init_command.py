@@ -5,8 +5,8 @@ from pathlib import Path
 
 import command_line
 import numpy as np
-import owners
 import pytest
+from robots import RATE_TABLE, SIX
 
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.resources import models_dir
@@ -49,9 +49,9 @@ def test_what_it_says_to_run_runs(own, good, tmp_path):
 
 STOPS = "<velocity>1</velocity><lower>0.5</lower><upper>2.5</upper>"
 ROBOTS = {
-    "rate_table.urdf": owners.RATE_TABLE,
+    "rate_table.urdf": RATE_TABLE,
     "slow.sdf": command_line.ARM.replace("<velocity>5</velocity>", STOPS),  # without the angle 0
-    "six.urdf": owners.SIX,
+    "six.urdf": SIX,
 }
 
 

@@ -19,13 +19,6 @@ def folder(reproduced, tmp_path):
 # --- writing --------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def quick(undrawn, monkeypatch):
-    """The recording, too, costs much of the time: write few bytes instead."""
-    write = "sdt_drake.show.reports.paper_files.record_html"
-    monkeypatch.setattr(write, lambda robot, time, q, path, **options: path.write_text("3D"))
-
-
 # --- reading again -------------------------------------------------------------------------------
 
 

@@ -16,11 +16,9 @@ from sdt_drake.io.fields import check, made
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
 from sdt_drake.machine.learn.state import FlightRecord
-from sdt_drake.machine.recordings import Columns
-from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.kinds import CONTROLLERS
-from sdt_drake.run.scenario import DisturbanceChoice, Scenario, load_scenario, with_fields
+from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.show.reference import FILES, SCHEMAS
 
 FILE = Path("/runs/file.yaml")
@@ -121,29 +119,6 @@ def test_every_field_takes_its_limits_and_refuses_wrong_values_as_editors_do(mod
 
 
 # --- what is told ----------------------------------------------------------------------------
-
-
-WRONG = {
-    "nam": 1, "name": 2, "joints": [{"_tag": "!Knots", "knots": [[1, "a"]]}],
-    "tracks": [{"segments": [{"_tag": "!Hold"}, {"_tag": "!Oval"}], "depth": 3}],
-}  # fmt: skip
-TOLD = [
-    "name: 2, expected a text",
-    "duration: missing, expected a number > 0 [s]",
-    "tracks[1].segments[1].duration: missing, expected a number > 0 [s]",
-    "tracks[1].segments[2]: unknown kind !Oval, expected !Ramp, !Hold, !Turn, !Knots, !Sampled, "
-    "!Oscillation, !Fourier",
-    "tracks[1].depth: no such field, expected one of joint, resultant, segments",
-    "joints[1].knots[1][2]: 'a', expected a number [s, rad/s]",
-    "nam: no such field, did you mean 'name'?",
-]
-MANY = [f"torque_factor[{k}]: 'a', expected a number [N m per unit]" for k in range(1, 21)]
-ALL = [
-    (MotionProfile, WRONG, TOLD),
-    (Columns, {"torque_factor": ["a"] * 30}, [*MANY, "10 more"]),
-    (DisturbanceChoice, None, ["empty, expected a mapping with amplitude, omega_d"]),
-    (DisturbanceChoice, [1], ["[1], expected a mapping with amplitude, omega_d"]),
-]
 
 
 def scenario(name, fields):

@@ -16,14 +16,6 @@ def test_every_file_that_ships_has_one_short_name():
         assert named(path, "motion") == path
 
 
-MISSING = [
-    ("graveyard_spn", "motion", "no such motion, did you mean 'graveyard_spin' or "),
-    ("zzz", "study", "no such study; shipped: monte_carlo, sizing (looked in {}"),
-    ("./mine", "scenario", "no such file, did you mean './mine.yaml'? (looked in "),
-    ("package://sdt/sdt.sd", "", "no such file, did you mean 'package://sdt/sdt.sdf'? (loo"),
-]
-
-
 # --- --set ----------------------------------------------------------------------------------------
 
 

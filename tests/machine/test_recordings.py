@@ -71,9 +71,6 @@ def test_any_format_unit_and_side_gives_the_same_recording(tmp_path_factory, rob
     assert set(recorded.signals) == {"q", "q_ref", "tau", "tau_ff"}
 
 
-LINES = st.lists(st.sampled_from([HEADER, "0,1,2,3,4,5,6,7,8", "1;2", "nan", ",,", "x,y", "0.01"]))
-
-
 def test_torques_that_are_late_are_put_at_their_time(tmp_path, table, robot):
     path = write(tmp_path, table)
     late = read_recording(path, robot, Columns(torque_delay=0.01)).signals["tau"]

@@ -94,9 +94,6 @@ def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
     assert motion.duration == pytest.approx(20.005) and loss.longer == pytest.approx(0.003)
 
 
-V = np.sin(2 * np.pi * np.outer(0.001 * np.arange(2001), [1, 24]))
-
-
 def test_a_spline_in_blocks_is_the_spline_of_all(monkeypatch):
     """Blocks keep memory small; samples beyond their overlap have no influence."""
     rng = np.random.default_rng(1)

@@ -49,9 +49,3 @@ def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
             roots = np.roots([INERTIA[k], springs.damping[k], stiffness])
             np.testing.assert_allclose(np.abs(roots), OMEGA[k], rtol=1e-12)
             np.testing.assert_allclose(-roots.real / np.abs(roots), zeta, rtol=1e-12)
-
-
-BAD = [
-    (30.0, "natural_frequency: 30 rad/s, but gravity alone makes joint 3 swing with 30; exp"),
-    (1e200, "natural_frequency 1e+200 rad/s and damping_ratio 0.01 are too large for joint 3"),
-]

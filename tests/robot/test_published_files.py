@@ -99,15 +99,6 @@ def test_a_differential_of_ros():
     refused(text, ">5<", ">0<", "'wrist': <mechanicalReduction> is '0', expected")
 
 
-BACK = '<sdt:turns_with joint="elbow">-20</sdt:turns_with><drake:rotor_inertia>'
-BAD = [
-    ('joint="shoulder">', 'joint="wrist">', "joint='wrist', expected another of shoulder"),
-    ('joint="shoulder">', 'joint="elbow">', "joint='elbow', expected another of shoulder"),
-    (">-2</sdt", ">some</sdt", "<sdt:turns_with> is 'some', expected a number"),
-    ("<drake:rotor_inertia>", BACK, "motors cannot turn each joint alone"),
-]
-
-
 def test_recorded_torques_of_coupled_motors_become_those_of_the_joints(wrist, tmp_path):
     path = tmp_path / "run.csv"
     rows = "".join(f"{0.01 * i},{0.1 * i},0,5,7\n" for i in range(50))

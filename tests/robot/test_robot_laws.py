@@ -162,7 +162,3 @@ def test_the_text_of_a_robot_is_that_robot(robot):
 
 
 # --- the head of the shipped device -------------------------------------------------------------
-
-
-def still(robot, q):
-    return head_motion(robot, np.array([q]), *np.zeros((2, 1, 4)))

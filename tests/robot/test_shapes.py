@@ -26,14 +26,6 @@ def drawn(tmp_path):
     return of
 
 
-URIS = [("a%20b.obj", "urdf/a b.obj"), ("file://a%20b.obj", "urdf/a b.obj")]
-URIS += [("package://arm_description/meshes/a.gltf", "meshes/a.gltf")]
-
-
-LEFT_OUT = [("none.obj", "is missing"), ("package://sdt/../../a.obj", "is missing")]
-LEFT_OUT += [("a.dae", "has an unsupported format, expected one of .obj, .gltf, .vtk")]
-
-
 LOOKS = [
     ("mtllib ../../secret", "", True),
     ("v 0 0 0\r\n mtllib a.mtl\n", "newmtl a\nmap_Kd -s 1 1 1 ../../../secret\n", True),

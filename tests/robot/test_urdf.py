@@ -37,19 +37,3 @@ def test_places_and_turned_inertias_are_those_of_drakes_own_reader():
 
 
 _SHOULDER, _ELBOW = "joint 'shoulder'.*", "joint 'elbow'.*"
-_LOWER_BODY = URDF[URDF.rindex("<inertial>") : URDF.rindex("</inertial>") + len("</inertial>")]
-
-BAD = [
-    ('effort="40"', 'effort="4_0"', _ELBOW + "<effort> is '4_0', expected a number"),
-    ('xyz="0.8 0 0"', 'xyz="0.8 0"', _ELBOW + "xyz or rpy is '0.8 0', expected 3 numbers"),
-    ('xyz="0.3 0 0"', 'xyz="0.3 0 0" quat="1 0 0 0"', "link 'lower': quat of <origin>"),
-    (_LOWER_BODY, "", "link 'lower': no <inertial>"),
-    ("<dynamics", '<mimic joint="elbow"/><dynamics', _SHOULDER + "<mimic> in <joint>"),
-    ('<limit effort="40"/>', '<limit effort="40" lower="1"/>', _ELBOW + "lower and upper"),
-    ('lower="-2" ', "", _SHOULDER + "lower and upper"),
-    ('"continuous"', '"prismatic"', _ELBOW + "is prismatic, expected revolute, continuous, fixed"),
-    ("SimpleTrans", "FourBarTrans", "transmission 'drive': type 'transmission_interface/FourBar"),
-    ('<joint name="shoulder">', '<joint name="knee">', "joint 'knee', which is not there"),
-    ('<link name="base"/>', '<link name="base"/><link name="b"/>', "2 links that no joint carries"),
-    ("rotor_inertia", "rotor_intertia", "<drake:rotor_intertia> in <actuator> .* did you mean"),
-]

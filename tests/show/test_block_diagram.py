@@ -16,7 +16,6 @@ from pydrake.systems.primitives import (
 )
 
 from sdt_drake.run.step_loop import make_step_loop
-from sdt_drake.show.diagrams import dot_text, laid_out
 from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
@@ -28,10 +27,6 @@ from sdt_drake.systems.gains import tune
 
 def walk(diagram, symbols=SYMBOLS, **arguments):
     return walked(diagram, symbols=symbols, **arguments)
-
-
-def drawn(picture):
-    return dot_text(laid_out(picture))
 
 
 def make_loop():

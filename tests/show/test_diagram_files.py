@@ -35,21 +35,6 @@ from sdt_drake.systems.gains import tune
 NAMES = tuple(DIAGRAMS)
 
 # All texts of one process, as JSON.
-SCRIPT = """
-import json
-from sdt_drake.show.paper_diagrams import DIAGRAMS
-from sdt_drake.show.symbols import SYMBOLS
-from sdt_drake.run.design import make_design
-from sdt_drake.show.block_diagrams import dot_text, drake_dot_text
-from sdt_drake.run.scenario import load_scenario
-junk = [make_design(load_scenario("package://sdt/scenarios/axis_pi.yaml"))]  # moves all numbers
-design = make_design(load_scenario("package://sdt/scenarios/coupled_pi.yaml"))
-texts = {}
-for name, make in reversed(DIAGRAMS.items()):
-    diagram = make(design)
-    texts[name] = [dot_text(diagram), drake_dot_text(diagram)]
-print(json.dumps(texts))
-"""
 
 
 @pytest.fixture(scope="module")

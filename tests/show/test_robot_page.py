@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from owners import RATE_TABLE, SEVEN
+from robots import RATE_TABLE, SEVEN
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import robot_page

@@ -88,9 +88,6 @@ def draw(meshcat):
     return lambda robot: Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), meshcat)
 
 
-BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"
-
-
 # --- the device as it is drawn ------------------------------------------------------------------
 
 

@@ -4,9 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from owners import RATE_TABLE
 from pydrake.math import RigidTransform
-from robots import ARM, loaded
+from robots import ARM, RATE_TABLE, loaded
 
 from sdt_drake.systems import RobotDrawing
 from sdt_drake.systems.skeleton import bones, skeleton
