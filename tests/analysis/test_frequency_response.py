@@ -1,12 +1,127 @@
-"""Margins of coupled loops, and phases without jumps; other numbers are those of random loops."""
+"""Frequency responses by hand; margins and steps of random loops against python-control."""
 
+import control
 import numpy as np
 import pytest
-from variants import kind
+from by_hand import GEAR, ROTORS
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from strategies import GENERATORS
+from test_linear import moving, same, two_masses
+from variants import kind, overruled, weaker
 
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.analysis.linear import linearise
-from sdt_drake.robot.device import Drive
+from sdt_drake.motion import Motion
+from sdt_drake.robot.device import Drive, Elasticity, Friction
+from sdt_drake.robot.dynamics import Loads
+from sdt_drake.run.simulate import simulate
+
+STEP = Motion.from_speeds(0.005, np.zeros(4), np.repeat([[0.0] * 4, [1.0] * 4], [1, 40], axis=0))
+
+
+def process(inertia, rotor, viscous, lag, error, springs, encoder):
+    """From the command to speed and angle of the encoder and speed of the link, motor side."""
+    A, B = np.array([[0.0, 1], [0, 0]]), np.array([[0], [1 / inertia]])
+    if springs:
+        A, B = two_masses(rotor, inertia - rotor, *springs)
+    A[1, 1] -= viscous / (inertia - rotor if springs else inertia)
+    n = len(A)
+    if lag:
+        A = np.block([[A, B], [np.zeros(n), -2 * np.pi * lag]])
+        B = np.eye(n + 1)[:, n:] * 2 * np.pi * lag
+    at = n - 2 if encoder == "motor" else 0
+    return control.ss(A, (1 + error) * B, np.eye(len(A))[[at + 1, at, 1]], 0)
+
+
+@settings(max_examples=8, phases=[Phase.generate])  # shrinking would take minutes
+@given(
+    rng=GENERATORS,
+    structure=st.sampled_from(["pi", "p_in_feedback"]),
+    period=st.sampled_from([None, 0.001, 0.005]),
+    lag=st.sampled_from([None, 30.0, 200.0]),
+    springs=st.sampled_from([None, (120.0, 0.2), (300.0, 0.5)]),
+    encoder=st.sampled_from(["motor", "link"]),
+    by_differences=st.booleans(),
+)
+def test_loops_are_those_of_python_control(
+    designed, rng, structure, period, lag, springs, encoder, by_differences
+):
+    by_differences = by_differences and period is not None  # with encoders, of positions
+    inertia, (zeta, share) = ROTORS * rng.uniform(3, 20, 4), rng.uniform(0.3, 1.2, (2, 4))
+    omega_n = 4 * 60 ** rng.uniform(0, 1, 4)
+    omega_n[0] = 1000 if period == 0.005 else omega_n[0]  # unstable
+    kp, ki = 2 * zeta * omega_n * inertia, omega_n**2 * inertia
+    viscous, error = share * kp, 0.2 * (share - 0.7)
+    gains = {"kp": kp.tolist(), "ki": ki.tolist(), "omega_r": None, "zeta": None}
+    elasticity = springs and Elasticity([springs[0]] * 4, springs[1], encoder)
+    drive = Drive(
+        period=period,
+        torque_bandwidth=lag,
+        torque_error=error.tolist(),
+        encoder_resolution=[1e9] * 4 if by_differences else None,
+    )
+    fields = kind("pi", structure=structure, **gains) | {
+        "plant.i_eff": inertia.tolist(),
+        "plant.friction": Friction(viscous=(viscous * GEAR**2).tolist()),
+        "plant.elasticity": elasticity or Elasticity(),
+        "drive": drive,
+    }
+    design = designed("axis_pi", fields, motion=STEP)
+    response = frequency_response(design, points=800)
+    omega, simulated = response.omega, None
+    if response.stable.all():
+        unloaded = overruled(weaker(design, 1e3), loads=Loads(*np.zeros((2, *STEP.v.shape))))
+        simulated = simulate(unloaded).v
+
+    for k in range(4):
+        P = process(inertia[k], ROTORS[k], viscous[k], lag, error[k], springs, encoder)
+        integral = control.tf([ki[k]], [1, 0])
+        if period:
+            P = control.sample_system(P, period, "zoh")
+            integral = control.tf([ki[k] * period], [1, -1], period)
+        speed = control.tf([1, -1], [period, 0], period) * P[1, 0] if by_differences else P[0, 0]
+        both = control.ss(kp[k] + integral)
+        loop, ahead = both * speed, both if structure == "pi" else integral
+        closed = P[2, 0] * ahead * control.feedback(1, loop)
+
+        gain, tracking = (x.frequency_response(omega).complex for x in (loop, closed))
+        np.testing.assert_allclose(response.loop_gain[:, k], gain, rtol=1e-3)
+        same(response.tracking[:, k], tracking, 1e-4)
+        size = np.abs(tracking)
+        assert response.peak_db[k] == pytest.approx(20 * np.log10(size.max()), abs=1e-5)
+        at, level = (response.bandwidth[k], response.peak_omega[k]), 0.5**0.5
+        expected = level if size[-1] < level else np.nan, size.max()
+        np.testing.assert_allclose(np.interp(at, omega, size), expected, rtol=0.03)
+        assert np.all(size[omega > at[0]] < level)
+
+        poles = control.feedback(loop, 1).poles().astype(complex)
+        modes = moving(np.log(poles + 1e-300) / period if period else poles, 0.01)
+        damping = np.min(-modes.real / np.abs(modes))
+        assert response.damping[k] == pytest.approx(damping, abs=1e-6)
+        assert response.stable[k] == (damping > 0)
+
+        cut = control.stability_margins(control.frd(gain, omega), returnall=True)
+        gains, angles, _, _, crossings, _ = cut
+        if period and gain[-1].real < 0:
+            gains = np.append(gains, 1 / np.abs(gain[-1]))  # at the Nyquist frequency
+        found = (response.gain_margin, response.gain_reduction, response.crossover)
+        expected = min(gains[gains > 1], default=np.inf), max(gains[gains < 1], default=0)
+        np.testing.assert_allclose(
+            [x[k] for x in found], [*expected, max(crossings, default=np.nan)], rtol=0.01
+        )
+        smallest = min(np.abs(angles), default=np.nan)
+        assert response.phase_margin[k] == pytest.approx(smallest, abs=1, nan_ok=True)
+        assert response.modulus_margin[k] == pytest.approx(np.abs(1 + gain).min(), rel=1e-4)
+
+        if simulated is not None:
+            held = closed if period else control.sample_system(closed, STEP.period, "zoh")
+            each = round(STEP.period / held.dt)
+            speeds = control.forced_response(held, U=np.repeat(STEP.v[:, k], each)).outputs
+            same(simulated[:, k], speeds[::each], 1e-5)
+
+
+# --- margins of coupled loops ----------------------------------------------------------------
 
 
 def fastest_growth(loop, k, factor):

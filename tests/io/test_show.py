@@ -1,11 +1,14 @@
 """--show and --out: figures on the screen and in files, and one line where there is no screen."""
 
+import io
 import os
 
 import matplotlib.pyplot as plt
 import pytest
 from command_line import FIGURE, WRITERS, program, refused
+from rich.console import Console
 
+from sdt_drake.cli import printing
 from sdt_drake.show import style
 
 FIGURES = {name: about for name, (about, _) in WRITERS.items() if name != "diagram"}
@@ -47,3 +50,18 @@ def test_a_backend_that_is_not_there_matters_to_show_alone(good, monkeypatch):
     refused(program("step", "--show"), "$MPLBACKEND")
     good("step")
     assert os.environ["MPLBACKEND"] == "agg"
+
+
+# --- how far long work is --------------------------------------------------------------------
+
+
+def test_the_bar_comes_late_and_goes_without_a_trace(monkeypatch):
+    terminal, bar = io.StringIO(), printing.Bar()
+    monkeypatch.setattr(printing, "errors", Console(file=terminal, force_terminal=True, width=80))
+    bar.report(0.1)
+    assert terminal.getvalue() == ""  # a command of 2 s needs none
+    monkeypatch.setattr(printing, "_BAR_DELAY", -1.0)
+    bar.report(0.25, "3 of 12 runs")
+    assert " 25%" in terminal.getvalue() and "3 of 12 runs" in terminal.getvalue()
+    bar.end()
+    assert terminal.getvalue().endswith("\x1b[2K")  # the line is wiped out

@@ -1,10 +1,11 @@
-"""What is said of recordings that something is wrong with."""
+"""Recordings with faults: refused, named, or read all the same."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import simulated_recordings as simulated
 from known_truth import changed, motion, recorded_of
 
 from sdt_drake.io.errors import InputError
@@ -12,7 +13,7 @@ from sdt_drake.machine.identify.filtering import smooth, stretches
 from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.suspicions import suspicious_torques
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Finding, Recorded, check_recording
 from sdt_drake.show.reports.identification import friction_table
 
 
@@ -69,3 +70,47 @@ def test_uneven_time_and_gaps(robot, true):
         for values, exact in ((one.q, q), (one.v, v), (one.vd, vd)):
             wanted = np.column_stack([np.interp(one.time[at], recorded.time, x) for x in exact.T])
             assert np.abs(values[at] - wanted).max() < 0.02 * np.abs(exact).max()
+
+
+# --- what is seen in a recording alone -------------------------------------------------------
+
+FAULTS = {
+    "jitter": ("uneven", "time", ""),
+    "rounded": ("rounded", "time", "time: '', rate: 1"),
+    "missing": ("missing", "time", ""),
+    "repeated": ("repeated", "q", ""),
+    "held": ("held", "tau", "torque_delay: "),
+    "frozen_q": ("frozen", "q_", ""),
+    "frozen_tau": ("frozen", "tau_", ""),
+    "clipped": ("clipped", "tau_", ""),
+    "speeds_in_degrees": ("speeds", "v_1", ""),
+    "speeds_of_motors": ("speeds", "v_1", ""),
+    "speeds_late": ("late", "v", "v: []"),
+    "clock": ("clock", "time", "time_factor: 2"),
+    "degrees": ("degrees", "", "angle: deg"),
+}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """A robot with six joints, recorded without any fault."""
+    return simulated.truth("cobot", 1)
+
+
+def found(truth, recorded) -> list[Finding]:
+    return [x for x in check_recording(truth.robot, recorded) if x.kind != "limit"]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_what_to_write(arm, fault):
+    kind, place, write = FAULTS[fault]
+    said = found(arm, getattr(simulated, fault)(arm, np.random.default_rng(2)))
+    assert {x.kind for x in said} == {kind}
+    assert said[0].place.startswith(place) and said[0].write.startswith(write)
+    assert bool(write) == (" in the mapping file)" in str(said[0]))
+
+
+@pytest.mark.parametrize("name", simulated.ROBOTS)
+def test_nothing_is_said_of_clean_recordings(name):
+    truth = simulated.truth(name, 20)
+    assert found(truth, truth.recorded) == []

@@ -1,21 +1,26 @@
-"""The regressor against Drake, and base parameters of random robots against their truth."""
+"""The regressor of identification against Drake, and the choice of its cut-off."""
 
 import sys
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_truth import recorded_of, true_robot
+from known_truth import changed, motion, recorded_of, true_robot
+from scipy.signal import butter, sosfiltfilt
 from strategies import moving
 
+from sdt_drake.machine.identify import equations as module
 from sdt_drake.machine.identify.base_parameters import (
     Unknown,
     rigid_columns,
     rigid_names,
     rigid_parameters,
 )
+from sdt_drake.machine.identify.cutoff import Choice, chosen
 from sdt_drake.machine.identify.equations import equations
-from sdt_drake.machine.identify.filtering import stretches
+from sdt_drake.machine.identify.filtering import Stretch, spread, stretches
+from sdt_drake.machine.identify.procedure import belief, identify
 from sdt_drake.robot.dynamics import inverse_dynamics
 
 
@@ -65,3 +70,76 @@ def test_equations_in_blocks_are_those_of_all(robot, monkeypatch):
     for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
         one, other = getattr(parts, name), getattr(whole, name)
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
+
+
+# --- the chosen cut-off and speeds -----------------------------------------------------------
+
+RATE = 100.0  # Hz, of the recordings; the highest cut-off that is tried is a tenth
+
+
+def choice(robot, recorded, cutoff=None):
+    unknown = Unknown.everything(robot)
+    return chosen(robot, unknown, belief(robot, unknown), stretches(recorded)[0], cutoff)
+
+
+def shaken(recorded, lowest, share):
+    """The recording with noise of torques above a frequency [Hz], over their RMS."""
+    tau = recorded.signals["tau"]
+    sos = butter(4, lowest / RATE * 2, "high", output="sos")
+    noise = sosfiltfilt(sos, np.random.default_rng(1).normal(size=tau.shape), axis=0)
+    size = share * np.sqrt(np.mean(tau**2, axis=0)) / noise.std(axis=0)
+    return changed(recorded, tau=tau + size * noise)
+
+
+def test_a_lower_cutoff_gains_nothing_by_comparing_less(robot, clean):
+    """Friction at reversals reaches as far as anything is tried, and nothing disturbs it."""
+    assert choice(robot, clean) == Choice(10.0, speeds=False)
+
+
+@pytest.fixture(scope="module")
+def clean(true):
+    return recorded_of(true, noise=0.002)
+
+
+def test_the_cutoff_is_where_the_motion_ends_and_noise_begins(robot, clean):
+    assert 2.0 < choice(robot, shaken(clean, 5.0, 1.0)).cutoff < 6.0
+
+
+def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
+    rng, v = np.random.default_rng(3), motion(robot)[2]
+    noisy = changed(clean, q=clean.signals["q"] + 2e-4 * rng.normal(size=v.shape))
+    good, bad = (changed(noisy, v=v + x * rng.normal(size=v.shape)) for x in (1e-4, 1e-1))
+    assert choice(robot, good, 4.0) == Choice(4.0, speeds=True)
+    assert not choice(robot, bad).speeds
+    found = identify(robot, [good], only="friction", cutoff=4.0)
+    assert found.speeds and "recorded speeds are used" in " / ".join(found.notes)
+
+
+def test_columns_in_blocks_are_those_of_all(robot, true, monkeypatch):
+    (stretch,), _ = stretches(recorded_of(true))
+    arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
+    whole = equations(*arguments)
+    monkeypatch.setattr(module, "_BLOCK_SAMPLES", 900)
+    parts = equations(*arguments)
+    assert len(parts.time) == len(whole.time) and np.all(parts.part == 0)
+    for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
+        one, other = getattr(parts, name), getattr(whole, name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
+
+
+def test_windows_are_spread_over_all_of_a_recording():
+    """Two stretches of 60 s and 40 s, of which 10 s are enough, below 100 Hz."""
+    found = [
+        Stretch(start, 0.01, *2 * [np.arange(start, start + lasts, 0.01)[:, None]])
+        for start, lasts in ((0.0, 60.01), (80.0, 40.01))
+    ]
+    assert spread(found, 101.0, 100.0) == found
+    windows = spread(found, 10.0, 100.0)
+    assert len(windows) == 20 and windows[0].start == 0
+    np.testing.assert_allclose(windows[-1].end, 120)
+    for window in windows:  # their values are their times
+        lasts = window.end - window.start
+        assert abs(lasts - 0.5) < 0.011
+        np.testing.assert_allclose(window.q[[0, -1], 0], [window.start, window.end])
+    assert sum(window.start < 70 for window in windows) == 12
+    assert len(spread(found, 1.0, 100.0)) == 2  # of enough periods, rather than short ones

@@ -1,13 +1,15 @@
-"""Elastic joints under a robot, against calculations by hand."""
+"""Elastic joints swing and keep their energy as by hand; a loop starts at rest."""
 
 import numpy as np
 import pytest
 from by_hand import GEAR, ROTORS
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
+from variants import kind
 
-from sdt_drake.robot.device import Elasticity, Springs
-from sdt_drake.run.simulate import make_simulator
+from sdt_drake.motion import Motion
+from sdt_drake.robot.device import Drive, Elasticity, Friction, Springs
+from sdt_drake.run.simulate import make_simulator, simulate
 from sdt_drake.systems import ElasticJoints, RobotPlant, connect_by_name
 
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
@@ -66,3 +68,49 @@ def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
     swings = np.ptp(np.array(seen), axis=0)
     assert np.all(swings > 5), swings  # every part takes part
     assert np.ptp(np.sum(seen, axis=1)) < 1e-4 * swings.min()
+
+
+# --- a run starts in equilibrium -------------------------------------------------------------
+
+LOADED = np.array([0.2, 0.8, 0.3, 0.4])
+
+# The controller does not know of 40 kg and the friction.
+HEAVIER = {
+    "plant.deviation.payload_mass": 40.0,
+    "plant.friction": Friction(coulomb=[50.0, 20.0, 20.0, 10.0]),
+}
+AXIS = HEAVIER | {"plant.kind": "axis"}
+ANTI_WINDUP = {"controller.anti_windup": True}
+DRIVEN = {"drive": Drive(period=0.001, torque_bandwidth=400.0, torque_error=[0.1, -0.1, 0, 0.05])}
+LATE = {"drive": Drive(reference_delay=0.012)}
+
+
+@pytest.fixture
+def steady(designed):
+    """A run of 0.1 s at a constant speed of joint 1, all other joints standing."""
+
+    def run(label, fields, speed=0.0):
+        motion = Motion.from_speeds(0.005, LOADED, np.tile([speed, 0, 0, 0], (21, 1)))
+        return simulate(designed("coupled_pi_ctc", kind(label) | fields, motion=motion))
+
+    return run
+
+
+@pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi+ctc", "pi_scheduled"])
+@pytest.mark.parametrize("fields", [HEAVIER, AXIS, ANTI_WINDUP, DRIVEN, LATE])
+def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, label, fields):
+    """Around the vertical axis of joint 1 nothing changes with its angle."""
+    recording = steady(label, fields)
+    assert np.abs(recording.position_error).max() < 1e-6
+    assert np.abs(recording.tau_peak[0, 1]) > 30  # joint 2 carries a load
+    if fields in (HEAVIER, AXIS):
+        assert np.abs(steady(label, fields, speed=1.5).speed_error).max() < 1e-5
+
+
+@pytest.mark.parametrize("encoder", ["motor", "link"])
+@pytest.mark.parametrize("label", ["pi", "p_pi"])
+def test_springs_are_wound_and_encoders_on_the_reference(steady, label, encoder):
+    springs = Elasticity([40.0] * 4, damping_ratio=0.02, encoder=encoder)
+    error = steady(label, {"plant.elasticity": springs}).position_error
+    np.testing.assert_allclose(error, error[:1] + np.zeros_like(error), atol=1e-6)
+    assert (np.abs(error[0, 1]) > 1e-4) == (encoder == "motor")  # the link sags behind its motor

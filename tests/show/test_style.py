@@ -1,12 +1,16 @@
-"""The look of figures, and files for them."""
+"""Styles of figures, and the scope of a run."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import matplotlib
 import numpy as np
 import pytest
 
+from sdt_drake.run.simulate import simulate
 from sdt_drake.show import style
+from sdt_drake.show.figures.scope import joint_columns, limits_along
+from sdt_drake.show.panels import Plots
 from sdt_drake.show.style import LOOKS, PALETTE, finish, grid, save
 
 # Machado, Oliveira, Fernandes, "A physiologically-based model for simulation of color vision
@@ -61,3 +65,39 @@ def test_letters_that_no_font_has_are_no_warning(figure, tmp_path, recwarn):
         style.finish(figure, "滚\U000105c0")
     style.save(figure, tmp_path / "x.png")
     assert [str(warning.message) for warning in recwarn] == []
+
+
+# --- the scope of a run ----------------------------------------------------------------------
+
+DRIVE = {
+    "drive.n1": [150.0, 0.5, 0.05, 0.05],
+    "drive.n0": [300.0, 4.0, 0.5, 0.5],
+    "drive.reference_delay": 0.0075,
+}
+
+
+@pytest.fixture(scope="module")
+def run(designed):
+    """Of joints that are asked to move at once, and saturate: design and recording."""
+    design = designed("axis_pi", DRIVE, start=8.9, end=9.5, rest=20)
+    return design, simulate(design)
+
+
+def test_limits_are_those_of_the_saturation_in_the_loop(run):
+    """Its Drake block has the envelope, the help of the other motors, and the late reference."""
+    design, recording = run
+    lower, upper = limits_along(recording, design)
+    asked, given = recording.tau_cmd, recording.tau_limited
+    assert np.sum(asked > given + 1) > 100 and np.sum(asked < given - 1) > 100
+    np.testing.assert_allclose(np.clip(asked, lower, upper), given, rtol=1e-9, atol=1e-6)
+    assert np.ptp(upper, axis=0).max() > 1000
+
+
+def test_a_single_period_in_saturation_is_seen(run):
+    design, recording = run
+    once = np.zeros_like(recording.saturated)
+    once[5, 1] = 0.1  # in the period that ends there
+    _, (speed, *_), *_ = joint_columns(replace(recording, saturated=once), design)
+    assert speed.spans() == [(recording.time[4], recording.time[5])]
+    (sent,) = Plots([[speed]]).data()["panels"]
+    assert sent["marked"] == speed.spans() and sent["title"] == speed.title

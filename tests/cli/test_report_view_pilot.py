@@ -1,0 +1,107 @@
+"""The commands `report`, `view` and `pilot`: what they write, replace and print."""
+
+import json
+import shutil
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.illusions import feel
+from sdt_drake.analysis.perception import canals
+from sdt_drake.analysis.tracking import track_head
+from sdt_drake.io.tables import read_table, write_table
+from sdt_drake.run.simulate import Recording
+from sdt_drake.show.reports.paper import write_report
+
+
+@pytest.fixture
+def folder(reproduced, tmp_path):
+    """What the report needs of what reproduce wrote, to change."""
+    ignored = shutil.ignore_patterns("*.csv", "*.md", "*.png")
+    return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+# --- reading again -------------------------------------------------------------------------------
+
+
+def test_no_text_of_the_summary_becomes_a_tag(folder):
+    evil = '<script>alert(1)</script>" onload="x'
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    summary["claims"][0] |= dict.fromkeys(("why", "statement", "id", "published"), evil)
+    summary["versions"]["drake"] = evil
+    summary["wall_time_s"] = {evil: 1.0}
+    summary["beyond"][6] |= {"controller": evil, "needs": [evil], "blocks": evil}
+    summary["beyond"][0]["felt"]["channels"][0] = evil
+    summary["tracking"][0] |= dict.fromkeys(("controller", "plant", "algorithm"), evil)
+    path.write_text(json.dumps(summary), encoding="utf-8")
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert "alert(1)</script>" not in page and '" onload' not in page
+    assert page.count("alert(1)") >= 10
+
+
+# --- `sdt-drake view` as a user meets it -----------------------------------------------------
+
+TIME = np.arange(101) * 0.005  # 0.5 s
+ANGLES = np.outer(TIME, [0.2, 0.4, -0.1, 0.3])
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """What `view` would show, instead of showing it."""
+    calls = []
+
+    def note(robot, time, q, *path, **options):
+        calls.append({"robot": robot, "time": time, "q": q, "path": path, **options})
+
+    for name in ("play", "record_html"):
+        monkeypatch.setattr(f"sdt_drake.show.view3d.viewer.{name}", note)
+    return calls
+
+
+@pytest.mark.parametrize("other", [{"q_ref": 0 * ANGLES, "q": ANGLES}, {"q_ref": ANGLES}])
+def test_angles_of_a_table(desk, good, shown, other):
+    write_table(desk / "recorded.csv", TIME, other)
+    good("view", "recorded.csv", "--record", "a.html", "--pilot")
+    (call_,) = shown
+    np.testing.assert_array_equal(call_["q"], ANGLES)
+    assert (call_["title"], call_["path"]) == ("recorded", (Path("a.html"),)) and call_["pilot"]
+
+
+# --- `sdt-drake pilot` as a user meets it ----------------------------------------------------
+
+
+@pytest.fixture
+def recording(good, desk):
+    """A recording of the coupled plant, `run.csv` in the working directory."""
+    good("simulate", "../given/coupled.yaml", "--out", "run.csv")
+    return Recording.from_csv(desk / "run.csv")
+
+
+def test_csv_holds_it_over_time(good, desk, recording, robot):
+    done = good("pilot", "run.csv", "--out", "new/felt.csv")
+    assert done.out.splitlines()[-1] == "new/felt.csv written"
+    time, columns = read_table(desk / "new" / "felt.csv")
+
+    np.testing.assert_array_equal(time, recording.time)
+    head = track_head(recording, robot)
+    for suffix, motion in (("_ref", head.reference), ("", head.achieved)):
+        signals = {
+            name: getattr(motion, name)
+            for name in ("specific_force", "angular_velocity", "angular_acceleration")
+        }
+        signals["canals"] = canals(motion.angular_velocity, 0.005)
+        felt = feel(motion, 0.005, "clark2019").columns
+        for name, values in (signals | {f"felt_{x}": y for x, y in felt.items()}).items():
+            np.testing.assert_array_equal(columns[name + suffix], values)
+    np.testing.assert_array_equal(columns["multiple"], head.felt.multiples)
+
+
+def test_that_no_illusion_is_predicted_is_told(good, recording, monkeypatch):
+    monkeypatch.setattr(import_module("sdt_drake.analysis.illusions"), "illusions", lambda *_: [])
+    assert "by clark2019:\n  none\n" in good("pilot", "run.csv").out
