@@ -23,9 +23,6 @@ def folder(reproduced, tmp_path):
     return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
 
 
-# --- writing --------------------------------------------------------------------------------------
-
-
 # --- reading again -------------------------------------------------------------------------------
 
 

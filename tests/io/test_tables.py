@@ -55,10 +55,6 @@ def refuse(path, message, content=b""):
     assert "\n" not in f"{error.value}"
 
 
-CHANGES = [("\n", "\r\n"), (",", " , "), ("6\n", "6"), ("6\n", "6\n\n\n"), ("time", "\ufefftime")]
-CHANGES += [("time,v_1,v_2", '"time","v_1", "v_2"'), ("0.5,3,4", '"0.5","3","4"')]
-
-
 BAD = [
     (GOOD.replace("v_2", "time"), ": two columns are 'time', expected one"),
     (GOOD.replace("time", "t"), ": the first column is 't', expected 'time'"),

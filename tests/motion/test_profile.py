@@ -91,7 +91,7 @@ def spin(*segments, robot=DEVICE, align="roll", more=()):
     return command_of(MotionProfile(duration=20, tracks=tracks), robot)
 
 
-UP, BACK = Ramp(to_g=1.5, duration=6), Ramp(at=12, to_g=1, duration=6)
+BACK = Ramp(at=12, to_g=1, duration=6)
 
 
 @settings(max_examples=8)

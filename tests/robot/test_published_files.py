@@ -38,24 +38,6 @@ def test_a_zero_by_rounding_moves_a_joint_that_nothing_else_would():
     refused(text, 'ixx="0.003" iyy="0.000" izz="0.003"', whole, "joint 'elbow': inertia about")
 
 
-def test_what_has_no_meaning_in_a_urdf_is_left_out():
-    text = URDF
-    for old, new in (
-        ('<limit effort="40"/>', '<limit effort="40" lower="-6.28" upper="6.28"/>'),
-        ("<dynamics ", '<dynamics D="1" K="7000" mu_coulomb="0" mu_viscous="16" '),
-        ('<joint name="shoulder"><hard', '<joint name="shoulder"><offset>1.57</offset><hard'),
-    ):
-        text = text.replace(old, new)
-    assert len(loaded(text.replace("1.57", "0.0"), ".urdf").accepted) == 2
-    robot = loaded(text, ".urdf")
-    assert np.isinf(robot.position_upper[1]) and robot.position_upper[0] == 1
-    np.testing.assert_array_equal([robot.damping, robot.gear_ratio], [[0.7, 0], [10, 1]])
-    shoulder, elbow, drive = robot.accepted
-    assert shoulder.startswith("joint 'shoulder': D of <dynamics>, K of <dynamics>, mu_coulomb of")
-    assert elbow.startswith("joint 'elbow': lower of <limit> and upper of <limit> have no meaning")
-    assert drive.startswith("transmission 'drive': <offset> 1.57 is ignored")
-
-
 # --- coupled motors ------------------------------------------------------------------------------
 
 TURNS = '<sdt:turns_with joint="shoulder">-2</sdt:turns_with><drake:gear_ratio>4</drake:gear_ratio>'
@@ -155,6 +137,3 @@ def test_places_and_turned_inertias_are_those_of_drakes_own_reader():
         (M, gravity), (M_drake, gravity_drake) = dynamics(robot.plant, q), dynamics(plant, q)
         np.testing.assert_allclose(M - np.diag(robot.reflected_inertia), M_drake, rtol=1e-10)
         np.testing.assert_allclose(gravity, gravity_drake, rtol=1e-12, atol=1e-12)
-
-
-_SHOULDER, _ELBOW = "joint 'shoulder'.*", "joint 'elbow'.*"

@@ -159,6 +159,3 @@ def test_the_text_of_a_robot_is_that_robot(robot):
     motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     assert [motor.joint().name() for motor in motors] == [*robot.joint_names]
     assert [motor.default_rotor_inertia() for motor in motors] == [*robot.rotor_inertia]
-
-
-# --- the head of the shipped device -------------------------------------------------------------

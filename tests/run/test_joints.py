@@ -15,26 +15,6 @@ from sdt_drake.systems import ElasticJoints, RobotPlant, connect_by_name
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
 
 
-def test_links_on_their_springs_swing_at_the_given_frequency(designed):
-    """Motors held, and all other joints locked, where the inertia is largest; gravity helps."""
-    omega, ratio, h = 70.0, 0.03, 1e-4
-    design = designed("coupled_pi", {"plant.elasticity": Elasticity([omega] * 4, ratio)})
-    plant, largest = design.robot.plant, design.torques.d_kk.argmax(axis=0)
-    context = plant.CreateDefaultContext()
-
-    def gravity(q):
-        plant.SetPositions(context, q)
-        return plant.CalcGravityGeneralizedForces(context)
-
-    for k, (sample, e) in enumerate(zip(largest, h * np.eye(4), strict=True)):
-        q = design.motion.q[sample]
-        stiffness = design.springs.stiffness[k] - (gravity(q + e) - gravity(q - e))[k] / (2 * h)
-        plant.SetPositions(context, q)
-        inertia = plant.CalcMassMatrix(context)[k, k] - GEAR[k] ** 2 * ROTORS[k]
-        assert np.sqrt(stiffness / inertia) == pytest.approx(omega, rel=1e-4)
-        assert design.springs.damping[k] / (2 * omega * inertia) == pytest.approx(ratio, rel=1e-3)
-
-
 def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
     elastic, stiffness = np.array([True, True, False, True]), np.array([4e6, 2e5, 0.0, 1e5])
     builder = DiagramBuilder()

@@ -7,6 +7,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Friction
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
+from sdt_drake.systems.wiring import blocks_of
 
 FRICTION = Friction([300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0])
 REAL = Drive(period=0.001, torque_bandwidth=300.0, n1=[150.0, 4, 4, 4], n0=[210.0, 5, 6, 7])
@@ -28,6 +29,21 @@ WIRINGS = [
     ("coupled_pi_ctc", DISTURBED),
     ("coupled_pi_ctc", ONLINE),
 ]
+
+
+def test_a_loop_has_the_blocks_that_its_scenario_asks_for(designed, data_regression):
+    """Drake's own blocks, but for the torques on line, which are called once per sample."""
+    found = {}
+    for number, (name, fields) in enumerate(WIRINGS):
+        loop = make_loop(designed(name, fields, end=0.1))
+        own = [s for s in blocks_of(loop) if not type(s).__module__.startswith("pydrake.")]
+        assert [s.get_name() for s in own] == ["load_torque"] * ("inverse_dynamics" in fields)
+        inputs = [loop.get_input_port(i).get_name() for i in range(loop.num_input_ports())]
+        outputs = [loop.get_output_port(i).get_name() for i in range(loop.num_output_ports())]
+        blocks = sorted(system.get_name() for system in loop.GetSystems())
+        parts = {"blocks": blocks, "inputs": inputs, "outputs": outputs}
+        found[f"{number} {loop.get_name()}"] = {k: " ".join(v) for k, v in parts.items()}
+    data_regression.check(found)
 
 
 @pytest.mark.parametrize(("name", "fields"), [w for w in WIRINGS if "online" not in w[1].values()])

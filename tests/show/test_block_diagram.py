@@ -148,9 +148,6 @@ def test_minus_of_gains(systems, texts, signs):
     assert signs_of(picture) == signs
 
 
-# --- names of signals ------------------------------------------------------------------------
-
-
 # --- on the page -----------------------------------------------------------------------------
 
 

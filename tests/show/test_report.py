@@ -9,8 +9,6 @@ import pytest
 
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
-from sdt_drake.show.documents import TEMPLATES
-from sdt_drake.show.paper_diagrams import DIAGRAMS
 
 GEAR = np.array([67.2, 1, 1, 1])  # published
 ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])  # published
@@ -59,11 +57,6 @@ REFERENCE_COLUMNS = (
     "q_ref v_ref vd_ref tau_inertial tau_reaction tau_velocity tau_gravity tau_coupled "
     "load_torque alleviating_torque i_eff"
 )
-# Captions by file, and block diagrams, as the report's text has them.
-TEMPLATE = (TEMPLATES / "paper.md.j2").read_text(encoding="utf-8")
-PICTURES = re.findall(r"!\[(.*)\]\((.*)\.(?:png|svg)\)", TEMPLATE)
-FIGURES = {name: caption for caption, name in PICTURES if "/" not in name}
-DRAWN = [name.removeprefix("diagrams/") for _, name in PICTURES if "/" in name]
 
 
 @pytest.fixture(scope="module")
@@ -190,19 +183,3 @@ def test_reference_groups_add_up(reproduced, reproduction):
     motion = Motion.from_csv(path)
     np.testing.assert_array_equal(motion.q, reproduction.design.motion.q)
     np.testing.assert_allclose(np.degrees(motion.q[:, 2].min()), -9.9, atol=0.05)
-
-
-# --- files and report ------------------------------------------------------------------------
-
-
-def test_all_files_are_there_and_what_their_suffix_says(reproduced):
-    folder = reproduced
-    files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
-    expected = {"summary.json", "reference.csv", "table1.md", "report.md", "report.html"}
-    expected |= {"device.html"} | {f"{name}.csv" for name in FILES}
-    expected |= {f"{name}.{suffix}" for name in FIGURES for suffix in ("png", "svg")}
-    assert list(DIAGRAMS) == DRAWN
-    assert set(files) == expected | {f"diagrams/{n}.{s}" for n in DIAGRAMS for s in ("dot", "svg")}
-    for name, path in files.items():
-        start = {".png": b"\x89PNG\r\n", ".dot": b"digraph", ".svg": b"<"}.get(path.suffix, b"")
-        assert path.read_bytes().startswith(start), name

@@ -5,7 +5,6 @@ import pytest
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from sdt_drake.show.view3d.scene import (
-    FRAME_RATE,
     METRES_PER_G,
     Scene,
     arrow_pose,
@@ -21,17 +20,6 @@ def smooth(robot, time=TIME):
     a, w = np.linspace(0.3, 0.6, robot.n), np.linspace(1.0, 2.5, robot.n)
     s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
     return a * s, a * w * c, -a * w**2 * s
-
-
-def test_frames_are_even_and_are_the_motion(robot):
-    q, _, _ = smooth(robot)
-    frames = make_frames(robot, TIME, q)
-    assert len(frames.time) == 2 * FRAME_RATE + 1
-    np.testing.assert_allclose(np.diff(frames.time), 1 / FRAME_RATE, rtol=1e-9)
-    # 0.1 s is both the third picture and the twentieth sample.
-    np.testing.assert_allclose(frames.q[::3], q[::20], rtol=0, atol=1e-12)
-    exact, _, _ = smooth(robot, frames.time)
-    np.testing.assert_allclose(frames.q, exact, rtol=0, atol=2e-5)
 
 
 def test_head_and_its_specific_force_are_drakes(robot):
@@ -81,11 +69,6 @@ def test_arrow_points_along_the_force(force):
     assert pose.translation().tolist() == [1.0, 2.0, 3.0]
     expected = np.array(force) * METRES_PER_G / 9.80665
     np.testing.assert_allclose(tip - [1.0, 2.0, 3.0], expected, rtol=1e-3, atol=1e-12)
-
-
-@pytest.fixture
-def draw(meshcat):
-    return lambda robot: Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), meshcat)
 
 
 # --- the device as it is drawn ------------------------------------------------------------------

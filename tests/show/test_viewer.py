@@ -2,15 +2,13 @@
 
 import os
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_scene import TIME, smooth
 
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
-from sdt_drake.show.view3d import viewer
-from sdt_drake.show.view3d.scene import ARROW, FRAME_RATE, METRES_PER_G, Scene, make_frames
+from sdt_drake.show.view3d.scene import ARROW, METRES_PER_G, Scene, make_frames
 from sdt_drake.show.view3d.viewer import record_html
 
 EVIL = "</script><b onload='x'>"
@@ -148,33 +146,3 @@ def test_a_page_leaves_no_server(robot, tmp_path):
     before = threads()
     record_html(robot, TIME, smooth(robot)[0], tmp_path / "a.html")
     assert threads() <= before
-
-
-# --- live -----------------------------------------------------------------------------------------
-
-
-def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
-    shown, now = [], [0.0]
-    # Its own clock: other threads of the process sleep by that of everybody.
-    clock = SimpleNamespace(
-        perf_counter=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
-    )
-    monkeypatch.setattr(viewer, "clock", clock)
-    show = viewer.Scene.show
-
-    def spy(scene, k, **options):
-        shown.append((scene.frames.time[k], now[0]))
-        now[0] += 0.05  # slower than two pictures at twice the speed
-        show(scene, k, **options)
-
-    monkeypatch.setattr(viewer.Scene, "show", spy)
-    addresses = []
-    viewer.play(robot, TIME, smooth(robot)[0], rate=2.0, once=True, announce=addresses.append)
-    (address,) = addresses
-    assert re.fullmatch(r"http://localhost:\d+", address)
-    motion, wall = np.array(shown[1:]).T  # the first one is there before the clock starts
-    started = wall[0]
-    assert motion[0] == 0 and motion[-1] == 2.0
-    late = (wall - started) * 2.0 - motion
-    assert np.all(late > -1e-9) and np.all(late < 0.05 * 2.0 + 2 / FRAME_RATE)
-    assert len(motion) < 30  # 61 pictures, of which there was time for some

@@ -154,6 +154,3 @@ def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(files, do
         whole = begun(job, Path(temporary, "whole"), ())
         Processes(job).run(whole)
         assert rows(folder).equals(rows(whole)) and len(done) == len(job.study)
-
-
-# --- as a user does --------------------------------------------------------------------------
