@@ -62,6 +62,8 @@ def test_a_simulated_answer_is_that_of_the_linear_model(designed, k_v, drive):
         return sdt.simulate(design, builder.Build()).q
 
     model = design.linear()
+    frequencies = control.damp(model.to_control(), doprint=False)[0]
+    np.testing.assert_allclose(np.sort(np.abs(model.modes())), np.sort(frequencies), rtol=1e-6)
     x, expected = np.zeros(len(model.A)), []
     for _ in design.motion.time:
         expected.append(model.C[:4] @ x)
