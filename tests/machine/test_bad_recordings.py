@@ -79,7 +79,7 @@ FAULTS = {
     "rounded": ("rounded", "time", "time: '', rate: 1"),
     "missing": ("missing", "time", ""),
     "repeated": ("repeated", "q", ""),
-    "held": ("held", "tau", "torque_delay: "),
+    "held": ("held", "tau", "torque_delay: 0.012"),
     "frozen_q": ("frozen", "q_", ""),
     "frozen_tau": ("frozen", "tau_", ""),
     "clipped": ("clipped", "tau_", ""),

@@ -8,6 +8,7 @@ import pytest
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.trust import trusting
+from sdt_drake.run import kinds
 from sdt_drake.run.kinds import CONTROLLERS, load_controllers
 
 OWN = Path(__file__).parents[1] / "own_controllers.py"
@@ -40,6 +41,19 @@ def desk(tmp_path, monkeypatch):
         (folder / f"{name}.yaml").write_text(text)
     monkeypatch.chdir(elsewhere)
     return folder
+
+
+def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
+    """Into processes that have not seen it, and into the folder, where rows are repeated."""
+    labels = ["--controllers", "pi,proportional"]
+    assert main(["compare", str(desk / "run.yaml"), *labels, "--trust"]) == 0
+    study = ["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1", "--trust"]
+    assert main(study) == 0 and "failed" not in capsys.readouterr().out
+    shutil.rmtree(desk)
+    CONTROLLERS.pop("proportional")
+    kinds._loaded.clear()  # as in a new process
+    assert main(["study", "repeat", "out", "--row", "0", "--trust"]) == 0
+    assert "proportional" in capsys.readouterr().out
 
 
 def test_linear_analysis_needs_a_linear_feedback(desk, capsys):
