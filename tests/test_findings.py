@@ -188,11 +188,6 @@ def test_what_springs_bend_is_what_is_left_of_the_learned(designed):
             assert 0 <= float(learned) - float(bent) <= rest
 
 
-def test_studies_have_as_many_runs_as_their_rows():
-    for study, name in ((load_study("monte_carlo")[0], "monte_carlo"), (SIZING.study(), "sizing")):
-        assert len(study) == len(read_study_table(STUDIES / name).row)
-
-
 def test_row_459_runs_away_without_anti_windup():
     """By its committed row; and with it, by a run."""
     table, runner = read_study_table(STUDIES / "monte_carlo"), Runner(*load_study("monte_carlo"))

@@ -14,7 +14,6 @@ from command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program,
 import sdt_drake
 from sdt_drake.cli import COMMANDS
 from sdt_drake.cli import app as cli
-from sdt_drake.io.resources import SHIPPED, find_file
 
 
 def test_help_lists_all_commands_and_version(good):
@@ -23,16 +22,6 @@ def test_help_lists_all_commands_and_version(good):
         assert re.search(rf"^\s+{name}\b", out, re.M), name
     assert "example: sdt-drake" in out
     assert good("--version").out == f"sdt-drake {sdt_drake.__version__}\n"
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_of_a_command_has_an_example_that_works(good, name):
-    out = " ".join(good(name, "--help").out.split())
-    example = re.search(f"example: sdt-drake ({name} .*?) (?:Arguments|Parameters)", out)[1]
-    _, bound, _ = cli.commands(name).parse_args(shlex.split(example))
-    for argument in ("scenario", "motion", "sizing", "name"):
-        if given := bound.arguments.get(argument):
-            find_file(given, *SHIPPED)
 
 
 def test_completion_knows_shipped_names_files_fields_and_options(desk, tmp_path):

@@ -201,3 +201,19 @@ def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_th
     p_pi.given(LearnedReference(nearby))
     with pytest.raises(InputError, match=r"joint 2 is .* deg from the planned motion"):
         p_pi.given(LearnedReference(nearby, planned=nearby.q))
+
+
+@pytest.mark.parametrize(
+    ("change", "torque", "message"),
+    [
+        (lambda m: replace(m, q=m.q[:-1], v=m.v[:-1], vd=m.vd[:-1]), 0, "101 samples of 0.005 s"),
+        (lambda m: replace(m, q=m.q + np.array([0, 0, 1e-6, 0])), 0, "joint 3 starts 1e-06"),
+        (lambda m: with_sine(m, 0.06), 0, "joint 2 is .* deg from the planned motion"),
+        (lambda m: with_sine(m, 0.01), 0, "joint 2 'roll' at .* needs torque"),
+        (lambda m: m, 1e4, "joint 1 at 0.000 s: .* 10000 N m .*203.2 N m"),
+    ],
+)
+def test_a_reference_of_another_motion_or_beyond_a_limit_is_refused(p_pi, change, torque, message):
+    motion = change(p_pi.wanted)
+    with pytest.raises(InputError, match=message):
+        p_pi.given(LearnedReference(motion, np.full(motion.q.shape, float(torque))))

@@ -8,6 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from robots import ARM, URDF, loaded, refused
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.drive_files import Axis, Drives, Samples, samples_from, set_points
 from sdt_drake.machine.recordings import Columns, read_recording
 from sdt_drake.motion import Motion, checked_torque, margins
 from sdt_drake.robot.robot import parts_of
@@ -104,6 +105,20 @@ def test_planned_motions_keep_what_coupled_motors_can_give(wrist):
     with pytest.raises(InputError, match=r"joint 1 'shoulder'.*torque"):
         checked_torque(loaded(weak), motion)
     checked_torque(loaded(weak.replace(TURNS, "")), motion)
+
+
+def test_set_points_of_coupled_motors(wrist):
+    """A motor turn is 1000 increments, but the second counts the other way."""
+    axes = [Axis(increments=1000, rated_torque=10, sign=sign) for sign in (1, -1)]
+    drives = Drives(cycle_time=0.01, axes=axes)
+    q = np.array([[0.0, 0.0], [0.01, 0.03], [0.01, 0.03]]) * 2 * np.pi
+    v = np.diff(q, axis=0, append=q[-1:]) / 0.01
+    points = set_points(wrist, drives, Samples(0.01, q, v, np.tile([36.0, 28.0], (3, 1))))
+    np.testing.assert_array_equal(points.position[1], [100, -100])
+    np.testing.assert_array_equal(points.torque[0], [500, -700])
+    back = samples_from(wrist, drives, points, q[0])
+    np.testing.assert_allclose([back.q, back.v], [q, v], atol=1e-9)
+    np.testing.assert_allclose(back.tau, np.tile([36.0, 28.0], (3, 1)), atol=1e-9)
 
 
 # --- what a urdf says is read as drake reads it ----------------------------------------------

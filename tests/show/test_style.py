@@ -11,7 +11,7 @@ from sdt_drake.run.simulate import simulate
 from sdt_drake.show import style
 from sdt_drake.show.figures.scope import joint_columns
 from sdt_drake.show.panels import Plots
-from sdt_drake.show.style import LOOKS, PALETTE, finish, grid, save
+from sdt_drake.show.style import LOOKS, PALETTE, finish, grid
 
 # Machado, Oliveira, Fernandes, "A physiologically-based model for simulation of color vision
 # deficiency", 2009: linear RGB as seen without red, green, blue cones.
@@ -53,11 +53,6 @@ def figure():
         axes[0, 0].plot([0.0, 1.0, 2.0], [3.0, 4.0, 5.0], label="$x^{$")
         finish(figure, "cost in $")
     return figure
-
-
-def test_the_same_figure_gives_the_same_svg(figure, tmp_path):
-    one, two = (save(figure, tmp_path / name).read_bytes() for name in ("a.svg", "b.svg"))
-    assert one == two and b"<dc:date>" not in one
 
 
 def test_letters_that_no_font_has_are_no_warning(figure, tmp_path, recwarn):

@@ -1,9 +1,6 @@
 """Gains against Table 1 and the roots of Eq. 5."""
 
 import numpy as np
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sdt_drake.systems.gains import damping_ratio, natural_frequency, oscillation_frequency, tune
 
@@ -26,21 +23,3 @@ def test_gains_and_damping_of_table_1():
     np.testing.assert_allclose(damping, [1.23, 1.18, 1.03, 1.099], rtol=0, atol=0.01)
     share = oscillation_frequency(gains, I_EFF_MAX) / natural_frequency(gains, I_EFF_MAX)
     np.testing.assert_allclose(share[0], 0.312, rtol=0, atol=5e-4)  # not 0.32, as printed
-
-
-POSITIVE = st.floats(1e-2, 1e3)
-
-
-@given(i_max=POSITIVE, omega_r=POSITIVE, zeta=st.floats(0.1, 3), ratio=st.floats(0.1, 2),
-       share=st.floats(0.1, 5))  # fmt: skip
-def test_frequencies_and_damping_are_those_of_the_roots(i_max, omega_r, zeta, ratio, share):
-    gains = tune([i_max], omega_r, zeta, ratio)
-    assert natural_frequency(gains, [i_max]) == pytest.approx(ratio * omega_r, rel=1e-12)
-    assert damping_ratio(gains, [i_max]) == pytest.approx(zeta, rel=1e-12)
-    i_eff = share * i_max
-    roots = np.roots([1, gains.kp[0] / i_eff, gains.ki[0] / i_eff])
-    omega_n = np.sqrt(np.prod(roots).real)
-    assert natural_frequency(gains, [i_eff]) == pytest.approx(omega_n, rel=1e-9)
-    assert damping_ratio(gains, [i_eff]) == pytest.approx(-roots.real.sum() / 2 / omega_n, rel=1e-9)
-    omega_0 = np.abs(roots.imag).max()
-    assert oscillation_frequency(gains, [i_eff]) == pytest.approx(omega_0, abs=1e-6 * omega_n)
