@@ -29,9 +29,9 @@ FILES = {
     "run.csv": ["simulate", "../given/coupled.yaml", "--out", "run.csv"],
     "arm.csv": ["simulate", "../given/arm_run.yaml", "--out", "arm.csv"],
 }
+"""Files that command lines read, and the command lines that write them."""
 CATALOGUES = ("scenarios", "motions", "reference")
 """Commands whose texts are those of other files: a few lines stand for all."""
-"""Files that command lines read, and the command lines that write them."""
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.machine.drive_files import FILES as EXPORTED
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.show.reports import fly as flown_files
-from sdt_drake.show.reports import learning as learning
+from sdt_drake.show.reports import learning
 from sdt_drake.show.reports import paper_files as files
 from sdt_drake.show.reports import replay as replay_report
 
@@ -24,12 +24,6 @@ def folder(tmp_path):
     for name in ("a.csv", "notes"):
         (tmp_path / "there" / name).write_text("old")
     return tmp_path / "there"
-
-
-def write(folder: Path, *names: str) -> None:
-    with replacing_files(folder) as new:
-        for name in names:
-            write_text(new / name, "new")
 
 
 @pytest.mark.parametrize("there", [True, False])

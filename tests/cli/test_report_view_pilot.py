@@ -1,18 +1,21 @@
 """The commands `report`, `view` and `pilot`: what they write, replace and print."""
 
 import json
+import re
 import shutil
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+from test_commands import TABLE
 
 from sdt_drake.analysis.illusions import feel
 from sdt_drake.analysis.perception import canals
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.run.simulate import Recording
+from sdt_drake.show.documents import REPORT
 from sdt_drake.show.reports.paper import write_report
 
 
@@ -23,7 +26,7 @@ def folder(reproduced, tmp_path):
     return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
 
 
-# --- reading again -------------------------------------------------------------------------------
+# --- `sdt-drake report`: files of `reproduce` are read again ----------------------------------
 
 
 def test_no_text_of_the_summary_becomes_a_tag(folder):
@@ -40,6 +43,14 @@ def test_no_text_of_the_summary_becomes_a_tag(folder):
     page = write_report(folder).read_text(encoding="utf-8")
     assert "alert(1)</script>" not in page and '" onload' not in page
     assert page.count("alert(1)") >= 10
+
+
+def test_studies_in_the_folder_become_chapters(folder, given, good, undrawn):
+    good("study", given("tiny.yaml", TABLE["files"]["tiny.yaml"]), "--out", folder / "own")
+    assert good("report", folder).out == f"{folder / REPORT} written\n"
+    page = (folder / REPORT).read_text(encoding="utf-8")
+    chapter = re.search("<h2>Study tiny</h2>.*?</section>", page, re.DOTALL)
+    assert "2 runs" in chapter[0] and chapter[0].count("<figure><") >= 2
 
 
 # --- `sdt-drake view` as a user meets it -----------------------------------------------------
@@ -88,10 +99,8 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
     np.testing.assert_array_equal(time, recording.time)
     head = track_head(recording, robot)
     for suffix, motion in (("_ref", head.reference), ("", head.achieved)):
-        signals = {
-            name: getattr(motion, name)
-            for name in ("specific_force", "angular_velocity", "angular_acceleration")
-        }
+        names = ("specific_force", "angular_velocity", "angular_acceleration")
+        signals = {name: getattr(motion, name) for name in names}
         signals["canals"] = canals(motion.angular_velocity, 0.005)
         felt = feel(motion, 0.005, "clark2019").columns
         for name, values in (signals | {f"felt_{x}": y for x, y in felt.items()}).items():

@@ -3,6 +3,7 @@
 from collections import Counter
 
 import pytest
+from pydrake.common.yaml import yaml_load_data
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import SHIPPED, find_file, models_dir, named, shipped
@@ -82,3 +83,12 @@ def test_refused(tmp_path, text, message):
     (tmp_path / "file.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=rf"file\.yaml: {message}"):
         read_yaml(tmp_path / "file.yaml")
+
+
+def test_what_yaml_can_say_is_read_as_drake_does(tmp_path):
+    text = "a: &a {x: [1, 2], y: 1e3}\nb: {<<: *a, y: *a}\nc: {<<: [*a, {x: 3, z: 4}], y: 5}\n"
+    text += (
+        "_hidden: !Kind {x: .inf}\nd: [~, true, 0x10, -1, 1.5]\ne: |\n  two\tparts\n  and lines\n"
+    )
+    (tmp_path / "file.yaml").write_text(text, encoding="utf-8")
+    assert read_yaml(tmp_path / "file.yaml") == yaml_load_data(text)

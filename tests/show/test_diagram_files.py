@@ -14,23 +14,15 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.step_loop import make_step_loop
-from sdt_drake.show.block_diagrams import (
-    dot_text,
-    fingerprint,
-    page_of,
-    write_diagram,
-)
+from sdt_drake.show.block_diagrams import dot_text, fingerprint, page_of, write_diagram
 from sdt_drake.show.diagrams import paint
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems.gains import tune
-
-NAMES = tuple(DIAGRAMS)
 
 
 @pytest.fixture(scope="module")
@@ -39,27 +31,14 @@ def diagrams(_reference_design):
     return {name: make(_reference_design) for name, make in DIAGRAMS.items()}
 
 
-@pytest.fixture
-def fake_path(tmp_path, monkeypatch):
-    """A PATH with one folder, empty at first."""
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    monkeypatch.setenv("PATH", str(folder))
-    return folder
-
-
 def make_small():
     return make_step_loop(gains=tune([1.0], 60, [1.0]), i_eff=1.0, structure="pi")
-
-
-def names_in(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 # --- what the figures show -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", DIAGRAMS)
 def test_words_cover_neither_wires_nor_boxes_and_lie_within_their_own(diagrams, name):
     """As matplotlib's font has them; the layout only knows about how wide they are."""
     page = page_of(diagrams[name])
@@ -147,16 +126,3 @@ def test_an_svg_has_its_texts_and_says_where_it_is_from(tmp_path):
     assert {"reference", "pi speed controller", "1/s"} <= set(re.findall(r">([^<>]+)</text>", svg))
     # A machine without matplotlib's font takes one without serifs, too.
     assert set(re.findall(r"font-family: ([^;\"]*)", svg)) == {"'DejaVu Sans', Verdana, sans-serif"}
-
-
-@pytest.mark.parametrize("format_", ["svg", "png", "pdf"])
-def test_drakes_own_picture_needs_graphviz(tmp_path, fake_path, format_):
-    path = tmp_path / f"loop.{format_}"
-    path.write_bytes(b"old")
-
-    with pytest.raises(InputError, match="Graphviz") as caught:
-        write_diagram(make_small(), path, format_=format_, drake=True)
-
-    assert "install" in str(caught.value) and "\n" not in str(caught.value)
-    assert path.read_bytes() == b"old"
-    assert names_in(tmp_path) == ["bin", f"loop.{format_}"]

@@ -53,10 +53,6 @@ def test_committed_reference_is_what_the_command_writes():
     assert set(re.findall(r'"(!\w+) mapping"', page)) == tags and len(tags) == 13
 
 
-def header(path):
-    return path.read_text(encoding="utf-8").splitlines()[0].split(",")
-
-
 def test_command(tmp_path, capsys):
     for topic in TOPICS:
         assert main(["reference", topic]) == 0

@@ -70,11 +70,6 @@ def content(reproduced):
     return json.loads(text, parse_constant=refuse)
 
 
-@pytest.fixture(scope="module")
-def report(reproduced):
-    return (reproduced / "report.md").read_text(encoding="utf-8")
-
-
 def entry_of(content, key):
     """The entry of a run."""
     *names, disturbed = key

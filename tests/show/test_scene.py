@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from sdt_drake.show.view3d.scene import (
-    METRES_PER_G,
-    Scene,
-    arrow_pose,
-    felt_rotation,
-    make_frames,
-)
+from sdt_drake.show.view3d.scene import METRES_PER_G, Scene, arrow_pose, felt_rotation, make_frames
 
 TIME = np.arange(401) * 0.005  # 2 s
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from sdt_drake.run.simulate import simulate
-from sdt_drake.show import style
 from sdt_drake.show.figures.scope import joint_columns
 from sdt_drake.show.panels import Plots
-from sdt_drake.show.style import LOOKS, PALETTE, finish, grid
+from sdt_drake.show.style import LOOKS, PALETTE, finish, grid, save, style
 
 # Machado, Oliveira, Fernandes, "A physiologically-based model for simulation of color vision
 # deficiency", 2009: linear RGB as seen without red, green, blue cones.
@@ -46,19 +45,13 @@ def test_colours_of_lines_in_one_panel_differ_for_every_eye(eye):
         assert np.linalg.norm(seen[0] - seen[1]) > 15, (first, second)
 
 
-@pytest.fixture
-def figure():
-    with style.style():
+def test_letters_that_no_font_has_are_no_warning(tmp_path, recwarn):
+    with style():
         figure, axes = grid(1, 1, panel=(4, 2))
         axes[0, 0].plot([0.0, 1.0, 2.0], [3.0, 4.0, 5.0], label="$x^{$")
         finish(figure, "cost in $")
-    return figure
-
-
-def test_letters_that_no_font_has_are_no_warning(figure, tmp_path, recwarn):
-    with style.style():
-        style.finish(figure, "滚\U000105c0")
-    style.save(figure, tmp_path / "x.png")
+        finish(figure, "滚\U000105c0")
+    save(figure, tmp_path / "x.png")
     assert [str(warning.message) for warning in recwarn] == []
 
 
@@ -71,15 +64,9 @@ DRIVE = {
 }
 
 
-@pytest.fixture(scope="module")
-def run(designed):
-    """Of joints that are asked to move at once, and saturate: design and recording."""
+def test_a_single_period_in_saturation_is_seen(designed):
     design = designed("axis_pi", DRIVE, start=8.9, end=9.5, rest=20)
-    return design, simulate(design)
-
-
-def test_a_single_period_in_saturation_is_seen(run):
-    design, recording = run
+    recording = simulate(design)
     once = np.zeros_like(recording.saturated)
     once[5, 1] = 0.1  # in the period that ends there
     _, (speed, *_), *_ = joint_columns(replace(recording, saturated=once), design)
