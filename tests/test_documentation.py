@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sdt_drake.cli.app import commands
+from sdt_drake.cli.app import commands, main
 from sdt_drake.cli.docs import pages
 from sdt_drake.motion import Motion
 
@@ -77,3 +77,13 @@ def test_links_exist(page):
 )
 def test_page_of_a_topic(topic, page):
     assert pages(topic)[0] == page
+
+
+def test_docs_prints_addresses(capsys, tmp_path):
+    assert main(["docs", "kp", "--print"]) == 0
+    assert re.fullmatch(r"https://.*/scenario/#controller\.kp\n", capsys.readouterr().out)
+    assert main(["docs", "simulat"]) == main(["docs", "--folder", str(tmp_path)]) == 2
+    assert re.search(r"did you mean 'simulate'.*\n.*index\.html", capsys.readouterr().err)
+    (tmp_path / "index.html").touch()
+    assert main(["docs", "--print", "--folder", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"{(tmp_path / 'index.html').as_uri()}\n"

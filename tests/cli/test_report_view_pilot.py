@@ -13,6 +13,7 @@ from test_commands import TABLE
 from sdt_drake.analysis.illusions import feel
 from sdt_drake.analysis.perception import canals
 from sdt_drake.analysis.tracking import track_head
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import REPORT
@@ -43,6 +44,22 @@ def test_no_text_of_the_summary_becomes_a_tag(folder):
     page = write_report(folder).read_text(encoding="utf-8")
     assert "alert(1)</script>" not in page and '" onload' not in page
     assert page.count("alert(1)") >= 10
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "problem"),
+    [
+        ("summary.json", "$", "x", "summary.json: is not JSON"),
+        ("summary.json", '"claims"', '"claim"', "has no 'claims'"),
+        ("figure2.svg", "</svg>", "", "figure2.svg: is not an SVG"),
+    ],
+)
+def test_what_is_broken_is_named_and_the_old_report_stays(folder, name, old, new, problem):
+    text, before = (folder / name).read_text(encoding="utf-8"), (folder / REPORT).read_bytes()
+    (folder / name).write_text(re.sub(old, new, text), encoding="utf-8")
+    with pytest.raises(InputError, match=f"{problem}.*`sdt-drake reproduce --out {folder}`"):
+        write_report(folder)
+    assert (folder / REPORT).read_bytes() == before
 
 
 def test_studies_in_the_folder_become_chapters(folder, given, good, undrawn):
