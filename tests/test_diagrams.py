@@ -55,6 +55,7 @@ def test_every_figure_is_drawn_by_the_script_and_nothing_else_is_committed():
     assert names_in(ROWS) == set(STUDIES)
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("name", DIAGRAMS)
 def test_committed_diagrams_are_those_of_the_loops_of_today(name):
     text, svg = ((FOLDER / f"{name}.{x}").read_text(encoding="utf-8") for x in ("dot", "svg"))

@@ -35,6 +35,7 @@ def test_commands_are_accepted(line):
     commands(words[0]).parse_args(words)
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "```python" in text])
 def test_python_runs(page, tmp_path, monkeypatch, capsys):
     def first(scenario, robot, whole=design.plan_of):  # of 1 s: its numbers are not looked at

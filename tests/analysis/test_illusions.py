@@ -77,6 +77,7 @@ def test_the_intended_error_has_its_sign_and_its_time(robot, sign, from_start, e
 # --- training motions ---------------------------------------------------------------------------
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("k", range(8))
 def test_the_table_of_findings_is_what_is_predicted(robot, k):
     """With one of the sets for each motion, in turn; the table shows which is not predicted."""

@@ -132,7 +132,7 @@ def fly(
         >>> time = np.arange(0, 2.01, 0.05)
         >>> pull = 1 + 0.1 * np.sin(np.pi * time / 2) ** 2  # G
         >>> flight = make_flight(time, np.outer(pull, [0, 0, 9.81]), np.zeros((41, 3)))
-        >>> quick = {"approach": 2, "departure": 2, "knot": 0.5, "compare": False}
+        >>> quick = {"approach": 1, "departure": 1, "knot": 0.5, "compare": False}
         >>> flown = sdt.fly("sdt", flight, **quick)
         >>> chosen, alignment, *_ = flown.options
         >>> print(chosen.felt_rotation < 0.5 * alignment.felt_rotation)
