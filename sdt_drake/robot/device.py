@@ -151,7 +151,7 @@ OVERFLOW_RATE = 400.0
 loops, and slow enough for an explicit integrator at 5 ms."""
 
 PRESLIDING_DAMPING_TIME = 0.005
-"""Damping of a sticking joint divided by its stiffness [s]; assumed."""
+"""T, damping of a sticking joint divided by its stiffness [s]; assumed."""
 
 
 @dataclass

@@ -25,13 +25,13 @@ class JointFriction(SymbolicLaw):
     an oscillating load, in contrast to the LuGre model:
 
         dz/dt = v - lambda (z - clip(z, -z_c, z_c))
-        F     = F_c clip(z / z_c, -1, 1) + T F_c / z_c max(0, 1 - (z / z_c)²) v
+        F     = F_c clip((z + T v) / z_c, -1, 1)
                 + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0
         friction = F / r                                    [N m], motor side
 
-    v, z and F are joint side. The second term damps a sticking joint. Without F_0 energy only
-    falls: the bristles store W = int F_c clip(z / z_c) dz, and (F - F_0) v - dW/dt is a sum of
-    terms >= 0.
+    v, z and F are joint side. T v damps a sticking joint. In any motion |F - F_0| <= F_b + b |v|.
+    Without F_0 energy only falls: the bristles store W = int F_c clip(z / z_c) dz, and
+    (F - F_0) v - dW/dt is a sum of terms >= 0.
 
     In sliding, z is constant at z_c + v / lambda and F is `sliding_friction`. Under a load between
     F_c and F_b the joint creeps at less than v_s. State: z / z_c / 100.
@@ -63,14 +63,10 @@ class JointFriction(SymbolicLaw):
             return list((state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT)
 
         def law(x: Symbols, state: Symbols) -> list[sym.Expression]:
-            forces, with_speed = [], speed_friction(friction, state[n:])
-            for k, v in enumerate(state[n:]):
-                stretch = _UNIT * x[k]
-                sticks = sym.max(1 - stretch * stretch, sym.Expression(0))
-                damping = PRESLIDING_DAMPING_TIME / z_c * sticks * v
-                bristles = friction.coulomb[k] * (within(stretch) + damping)
-                forces.append((bristles + with_speed[k]) / r[k])
-            return forces
+            v = state[n:]
+            damped = _UNIT * x + PRESLIDING_DAMPING_TIME / z_c * v
+            bristles = friction.coulomb * [within(u) for u in damped]
+            return list((bristles + speed_friction(friction, v)) / r)
 
         super().__init__(inputs={"state": 2 * n}, output="friction", law=law, rates=rates, states=n)
 

@@ -135,11 +135,10 @@ def friction(x, state):
     stretch = 100 * x  # z / z_c
     held = np.clip(stretch, -1, 1)
     rate = v / FRICTION.presliding - OVERFLOW_RATE * (stretch - held)
-    damping = FRICTION.coulomb * PRESLIDING_DAMPING_TIME / FRICTION.presliding
+    damped = stretch + PRESLIDING_DAMPING_TIME * v / FRICTION.presliding
     s = v / FRICTION.stribeck_speed
     force = (
-        FRICTION.coulomb * held
-        + damping * np.maximum(0, 1 - stretch**2) * v
+        FRICTION.coulomb * np.clip(damped, -1, 1)
         + (FRICTION.breakaway - FRICTION.coulomb) * s * np.exp((1 - s**2) / 2)
         + FRICTION.viscous * v
         + FRICTION.offset
