@@ -3,8 +3,9 @@
     python diagrams/redraw.py [FOLDER] [--only NAME ...] [--record] [--studies FOLDER]
 
 Writes into FOLDER, by default the folder of this script, in some two minutes; --help lists the
-names. NAME_plot.png is a figure; the paper's loops are NAME.dot and NAME.svg, too; device.png is
-the device as its SDF draws it. With --record the training motions are also written as
+names. NAME_plot.png is a figure; the paper's loops are NAME.dot and NAME.svg, too. Scripts of
+their own wire four of them, and write their own files (figure4_step_response.py and so on).
+device.png is the device as its SDF draws it. With --record the training motions are also written as
 training_NAME.html, the device in 3D, which plays in any browser.
 
 The figures of the two shipped studies, monte_carlo and sizing, are drawn from their rows in the
@@ -18,6 +19,7 @@ two cores:
 import argparse
 import copy
 import json
+import runpy
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
@@ -43,9 +45,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
-from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import compare
-from sdt_drake.analysis.reproduction import step_response
 from sdt_drake.analysis.stability import IDEAL, stability_sweep
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.resources import models_dir
@@ -72,6 +72,12 @@ from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.verdicts import judge_candidates
 
 HERE = Path(__file__).resolve().parent
+SCRIPTS = {
+    "figure4": "figure4_step_response",
+    "figure5": "figure5_axis_pi",
+    "figure6": "figure6_axis_ctc",
+    "coupled_loop": "coupled_loop",
+}
 CONTROLLERS = ("pi", "pi_ctc", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 
 
@@ -91,31 +97,11 @@ def figure3() -> Figure:
     return plots.torques(title, simulate(design), design.loads, design.robot)
 
 
-def steps(title: str, *structures: str) -> Figure:
-    """Step responses of axis 1 with structures of the PI controller."""
-    i_eff = designed("coupled_pi").inertia.maximum[0]
-    responses = {
-        structure: step_response(structure, paper.FIGURE4_ZETA[structure], i_eff, paper.OMEGA_R)
-        for structure in structures
-    }
-    return plots.step_responses(title, responses)
-
-
-def figure6() -> Figure:
-    """Single joint CTC, with the true load differing from its model by 5 %."""
-    title = "Speed errors, PI + CTC on decoupled axes, load disturbed by 5 %"
-    return speed_errors(title, {"pi_ctc": designed("axis_pi_ctc")})
-
-
 def coupled_loop() -> Figure:
     """The MultibodyPlant under PI, and under PI + CTC."""
     designs = {label: designed(f"coupled_{label}") for label in ("pi", "pi_ctc")}
-    return speed_errors("Speed errors on the coupled MultibodyPlant", designs)
-
-
-def speed_errors(title: str, designs: dict[str, Design]) -> Figure:
     runs = {label: simulate(design) for label, design in designs.items()}
-    *_, design = designs.values()
+    title, design = "Speed errors on the coupled MultibodyPlant", designs["pi"]
     return plots.speed_errors(title, runs, design.robot.joint_names, design.motion)
 
 
@@ -269,12 +255,8 @@ def looking(eye: np.ndarray, target: np.ndarray) -> RigidTransform:
 
 def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
     """What draws each, by name."""
-    both = "Step responses, axis 1 at its largest inertia"
     return {
         "figure3": figure3,
-        "figure4": partial(steps, both, *paper.FIGURE4_ZETA),
-        "figure5": partial(steps, "Step response, axis 1, P in the feedback path", "p_in_feedback"),
-        "figure6": figure6,
         "coupled_loop": coupled_loop,
         "controllers": controllers,
         "stability": stability,
@@ -342,16 +324,19 @@ def shrink(path: Path) -> None:
     few.save(path, optimize=True, pnginfo=info)
 
 
-NAMES = ("device", *figures(HERE))
+NAMES = tuple(dict.fromkeys(["device", *DIAGRAMS, *figures(HERE)]))
 
 
 def draw(name: str, folder: Path, studies: Path, *, record: bool) -> None:
     """Write all that is called `name`."""
     if name in DIAGRAMS:
         write_block_diagram(name, designed("coupled_pi"), folder)
+    if name in SCRIPTS:
+        figure, _ = runpy.run_path(str(HERE / f"{SCRIPTS[name]}.py"))["main"](folder)
+        save(figure, folder / f"{SCRIPTS[name]}.png")
     if name == "device":
         device(folder / "device.png")
-    else:
+    if name in figures(studies):
         save(figures(studies)[name](), folder / f"{name}_plot.png")
     motion = name.removeprefix("training_")
     if record and motion != name:
