@@ -3,9 +3,12 @@
 import copy
 import dataclasses
 import inspect
+from collections import Counter
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from pydrake.systems.primitives import Adder
 
@@ -45,6 +48,14 @@ def test_objects_show_themselves_shortly(robot, short, run):
     assert [line.split()[1] for line in str(run).splitlines()[2:]] == [f"{x:.4f}" for x in largest]
     scenario = dataclasses.replace(short.scenario, name="<b>")
     assert "&lt;b&gt;: pi_ctc on the coupled plant" in scenario._repr_html_()
+
+
+@given(st.lists(st.lists(st.text("abc", min_size=1, max_size=9), max_size=9), min_size=1))
+def test_a_table_with_any_headers_has_all_their_words(headers):
+    lines = aligned([" ".join(words) for words in headers], [["1"] * len(headers)], width=20)
+    found = Counter(" ".join(lines).split())
+    assert not Counter(word for words in headers for word in words) - found
+    assert found["1"] >= len(headers)
 
 
 @pytest.mark.parametrize(

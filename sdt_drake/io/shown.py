@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
 
-_MAX_HEADER_LINES = 5
-
 
 class Summary(NamedTuple):
     """The summary of an object: a line, and a table whose first `keys` columns name the rows."""
@@ -137,7 +135,7 @@ def aligned(
     columns = [list(column) for column in zip(header, *rows, strict=True)]
     blocks, width = [columns], width or terminal_width()
     if _width(columns) > width:
-        columns = [_stacked(column) for column in columns]
+        columns = _stacked(columns)
         blocks = _blocks(columns[:keys], columns[keys:], width)
     lines: list[str] = []
     for block in blocks:
@@ -154,15 +152,23 @@ def _width(columns: Sequence[Sequence[str]]) -> int:
     return sum(max(map(len, column)) + 2 for column in columns) - 2
 
 
-def _stacked(column: Sequence[str]) -> list[str]:
-    """Split the header of a column into lines, up to _MAX_HEADER_LINES."""
-    header, *cells = column
+def _stacked(columns: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Split the headers of columns into lines at words, as many lines for each column."""
+    headers = [_words(header, cells) for header, *cells in columns]
+    height = max(map(len, headers))
+    return [
+        [*[""] * (height - len(lines)), *lines, *cells]
+        for lines, (_, *cells) in zip(headers, columns, strict=True)
+    ]
+
+
+def _words(header: str, cells: Sequence[str]) -> list[str]:
+    """Split a header into lines that are no wider than its longest word and the cells below it."""
     # A unit like [N m s/rad] is one word.
     text = re.sub(r"\[.*\]", lambda unit: unit[0].replace(" ", "\xa0"), header)
     longest = max(map(len, [*cells, *text.split(" ")]))
     lines = textwrap.wrap(text, max(longest, 1), break_long_words=False) or [""]
-    lines = [x.replace("\xa0", " ") for x in lines]
-    return [*[""] * (_MAX_HEADER_LINES - len(lines)), *lines, *cells]
+    return [line.replace("\xa0", " ") for line in lines]
 
 
 def _blocks(keys: list[list[str]], columns: list[list[str]], width: int) -> list[list[list[str]]]:
