@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError, rewording
+from sdt_drake.io.signals import holding_signals
 
 _inputs: set[Path] | None = None  # files read by the command; None: not tracked
 _outputs: set[Path] = set()  # files to be replaced by the command
@@ -129,13 +130,17 @@ def read_text(path: Path, max_bytes: int) -> str:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, protected: bool = True) -> Iterator[Path]:
     """Yield a temporary path that replaces `path` if the block succeeds.
+
+    Args:
+        path: the file.
+        protected: keep an old file that is an input of the command, or of another kind.
 
     Raises:
         InputError: `path` cannot be written, or is protected by `keeping_inputs`.
     """
-    with replacing_all([path]) as (partial,):
+    with replacing_all([path], protected=protected) as (partial,):
         yield partial
 
 
@@ -162,8 +167,11 @@ def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]
 
 
 @contextlib.contextmanager
-def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """Yield temporary paths that replace `paths` if the block succeeds: all or none."""
+def replacing_all(paths: Sequence[Path], *, protected: bool = True) -> Iterator[list[Path]]:
+    """Yield temporary paths that replace `paths` if the block succeeds: all or none.
+
+    Signals wait until all have been replaced, and until all temporary files are removed.
+    """
     is_there = [_status(path) is not None for path in paths]
     targets = [path.resolve() for path in paths]
     # Random names, because two processes may write the same file.
@@ -171,23 +179,38 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
         target.with_name(f".{os.urandom(8).hex()}.partial{target.suffix}") for target in targets
     ]
     try:
-        for target in targets:
-            target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            yield partials
-            if _inputs is not None:
-                for path, old, partial in zip(paths, is_there, partials, strict=True):
-                    if old:
-                        _check_replaceable(path, partial)
-            for partial, target in zip(partials, targets, strict=True):
-                partial.replace(target)
-            _outputs.difference_update(targets)
-        finally:
-            for partial in partials:
-                partial.unlink(missing_ok=True)
+        with holding_signals() as released, _made([target.parent for target in targets]):
+            try:
+                with released():
+                    yield partials
+                    if protected and _inputs is not None:
+                        for path, old, partial in zip(paths, is_there, partials, strict=True):
+                            if old:
+                                _check_replaceable(path, partial)
+                for partial, target in zip(partials, targets, strict=True):
+                    partial.replace(target)
+                _outputs.difference_update(targets)
+            finally:
+                for partial in partials:
+                    partial.unlink(missing_ok=True)
     except OSError as error:
         where = paths[0] if len(paths) == 1 else paths[0].parent
         raise InputError(f"{where}: cannot be written ({error.strerror or error})") from None
+
+
+@contextlib.contextmanager
+def _made(folders: Iterable[Path]) -> Iterator[None]:
+    """Create folders, and after the block remove the new ones that are empty."""
+    places = {place for folder in folders for place in (folder, *folder.parents)}
+    missing = sorted((place for place in places if not place.exists()), reverse=True)
+    try:
+        for place in reversed(missing):  # parents first
+            place.mkdir(exist_ok=True)
+        yield
+    finally:
+        for place in missing:
+            with contextlib.suppress(OSError):  # not empty
+                place.rmdir()
 
 
 def _check_replaceable(path: Path, new: Path) -> None:
@@ -207,7 +230,8 @@ def _check_replaceable(path: Path, new: Path) -> None:
 def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` if the block succeeds.
 
-    All files are written before the first one is replaced. Other files in `folder` stay.
+    All files are written before the first one is replaced, and signals wait until the last one is.
+    Other files in `folder` stay.
 
     Args:
         folder: created if missing, and removed again if it stays empty.
@@ -216,21 +240,19 @@ def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
     Raises:
         InputError: a file in `folder` cannot be written, or is protected by `keeping_inputs`.
     """
-    missing = [place for place in (folder, *folder.parents) if not place.exists()]
     new = folder / f".{os.urandom(8).hex()}.partial"
-    try:
-        with rewording(lambda line: line.replace(f"{new}", f"{folder}")):
-            try:
-                new.mkdir(parents=True)
-            except OSError as error:
-                raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+    with contextlib.ExitStack() as kept:
+        kept.enter_context(rewording(lambda line: line.replace(f"{new}", f"{folder}")))
+        released = kept.enter_context(holding_signals())
+        try:
+            kept.enter_context(_made([folder]))
+            new.mkdir()
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+        kept.callback(shutil.rmtree, new, ignore_errors=True)
+        with released():
             yield new
-            _move(new, folder, last)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
-        for place in missing:
-            with contextlib.suppress(OSError):  # not empty
-                place.rmdir()
+        _move(new, folder, last)
 
 
 def _move(new: Path, folder: Path, last: str) -> None:

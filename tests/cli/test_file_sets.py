@@ -6,7 +6,8 @@ from pathlib import Path
 import command_line
 import pytest
 
-from sdt_drake.io.files import replacing_files, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import keeping_inputs, replacing_files, write_text
 from sdt_drake.machine.drive_files import FILES as EXPORTED
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.show.reports import fly as flown_files
@@ -33,6 +34,15 @@ def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
     with pytest.raises(error), replacing_files(folder / ("" if there else "new/below")) as new:
         write_text(new / "a.csv", "new")
         raise error
+    assert command_line.snapshot(folder) == before
+
+
+def test_nothing_is_left_of_a_set_that_may_not_move(folder):
+    before = command_line.snapshot(folder)
+    refused = pytest.raises(InputError, match=r"a\.csv: holds something else")
+    with keeping_inputs(), refused, replacing_files(folder) as new:
+        write_text(new / "a.csv", "new")
+        write_text(new / "below/b.csv", "new")
     assert command_line.snapshot(folder) == before
 
 

@@ -58,7 +58,7 @@ RUN = """
 import threading
 from pathlib import Path
 import sdt_drake.cli.step as step
-from sdt_drake.io.files import replacing
+from sdt_drake.io.files import replacing, replacing_files
 from sdt_drake.analysis.threads import threads
 def with_threads(**options):
     with threads(1) as pool:
@@ -68,6 +68,10 @@ def with_threads(**options):
 def writing(**options):
     with replacing(Path("o.csv")) as partial:
         partial.write_text("all of it")
+def moving(**options):
+    with replacing_files(Path("o")) as new:
+        for name in ("a.csv", "b.csv"):
+            (new / name).write_text("all of it")
 step.run = """
 
 
@@ -87,6 +91,20 @@ def test_ctrl_c_waits_for_no_thread(stopped):
 def test_signals_leave_no_file_that_is_begun(stopped, signals, ignored, code, left):
     done = stopped(signals, "open", ".partial", "step", ignored=ignored, code=RUN + "writing")
     assert done == (code, "", left)
+
+
+@pytest.mark.parametrize(
+    ("event", "word", "names"),
+    [
+        ("open", "b.csv", []),
+        ("os.rename", ".partial.csv", ["a.csv", "b.csv"]),  # the first of two into the folder
+        ("shutil.rmtree", ".partial", ["a.csv", "b.csv"]),
+    ],
+)
+def test_a_signal_leaves_all_files_of_a_set_or_none(stopped, tmp_path, event, word, names):
+    code, err, left = stopped([TERM, INT], event, word, "step", code=RUN + "moving")
+    assert (code, err, left) == (143, "", {"o"} if names else set())
+    assert sorted(path.name for path in (tmp_path / "o").glob("*")) == names
 
 
 @pytest.mark.parametrize(
