@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import checked_input, checked_name, write_text
+from sdt_drake.io.files import checked_input, checked_name, replacing
 
 Ask = Callable[[str, str], bool]
 """A function of the path and the SHA-256 of a file: True if the file may be run."""
@@ -63,7 +63,9 @@ def keep(path: str, digest: str) -> None:
     Raises:
         InputError: the user's file of trusted files is broken or cannot be written.
     """
-    write_text(_place(), json.dumps({**_kept(), path: digest}, indent=1) + "\n")
+    text = json.dumps({**_kept(), path: digest}, indent=1) + "\n"
+    with replacing(_place(), protected=False) as partial:  # users edit it
+        partial.write_text(text, encoding="utf-8")
 
 
 @contextlib.contextmanager
@@ -95,6 +97,9 @@ def _place() -> Path:
         folder = own if own.is_absolute() else Path("~/.config").expanduser()
     except RuntimeError:
         raise InputError("trusted files: no home directory; set $HOME") from None
+    if not folder.is_absolute():  # or the working directory could bring its own
+        home = os.environ.get("HOME")
+        raise InputError(f"trusted files: $HOME is '{home}', expected an absolute path")
     return folder / "sdt_drake" / "trusted.json"
 
 

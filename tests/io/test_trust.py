@@ -103,6 +103,15 @@ def test_an_answer_is_kept_for_this_content_at_this_place(call, good, own, monke
     assert call(*tune).code == 2
 
 
+def test_an_answer_is_kept_in_a_list_that_was_edited(call, own, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n"))
+    kept().parent.mkdir()
+    kept().write_text('{"/a": "b"}')
+    assert call("tune", "../given/own.yaml").code == 0
+    assert json.loads(kept().read_text()) == {"/a": "b", str(own): digest(own)}
+
+
 def test_the_bytes_that_are_run_are_those_that_were_judged(own):
     with pytest.raises(InputError, match=r"own\.py: is Python .*trust=True"):
         load_scenario("../given/own.yaml")
@@ -140,10 +149,16 @@ def test_a_broken_list_is_a_line(refuse, own, text):
     refuse("tune", "../given/own.yaml", saying=[f"{kept()}: cannot be read"])
 
 
-def test_a_relative_place_of_the_list_is_none(desk, own, refuse, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "place", "said"), [("XDG_CONFIG_HOME", "h", "--trust"), ("HOME", "h/.config", "$HOME")]
+)
+def test_a_relative_place_of_the_list_is_none(desk, own, refuse, monkeypatch, name, place, said):
     """Or the working directory could bring its own."""
-    monkeypatch.setenv("XDG_CONFIG_HOME", "config")
+    monkeypatch.setenv("XDG_CONFIG_HOME", "")
     monkeypatch.setenv("HOME", str(desk / "home"))
-    kept().parent.mkdir(parents=True)
-    kept().write_text(json.dumps({str(own): digest(own)}))
-    refuse("tune", "../given/own.yaml")
+    monkeypatch.setenv(name, "h")
+    there = desk / place / "sdt_drake"
+    there.mkdir(parents=True)
+    (there / "trusted.json").write_text(json.dumps({str(own): digest(own)}))
+    refuse("tune", "../given/own.yaml", saying=[said])
+    assert ran(own) == 0
