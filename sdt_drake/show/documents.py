@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, write_text
+from sdt_drake.io.markdown import escaped
 from sdt_drake.io.shown import formatted
 
 if TYPE_CHECKING:  # only commands that write a report need these
@@ -146,23 +147,6 @@ def render_html(template: str, **values: object) -> str:
 
 def _printed(value: object) -> object:
     return value if hasattr(value, "__html__") else Marked(escaped(value))
-
-
-def escaped(value: object) -> str:
-    """Return Markdown that shows a text literally, in one line.
-
-    >>> escaped("a_b [x](y) [N m]")
-    'a_b \\\\[x\\\\](y) [N m]'
-    """
-    text = re.sub(r"\s*[\r\n]\s*", " ", str(value).strip())
-    return _SPECIAL.sub(lambda m: m["unit"] or f"{m['number'] or ''}\\{m['mark'] or ''}", text)
-
-
-_SPECIAL = re.compile(
-    r"(?P<unit>\[[\w/²³°%., -]{1,40}\](?![\[(:]))|^(?P<number>\d{1,9})(?=[.)](?:\s|$))"
-    r"|(?P<mark>[\\`*|~$\[\]]|(?<![^\W_])_|_(?![^\W_])|<(?=[A-Za-z/!?])|&(?=[#A-Za-z])|(?<!\S)#"
-    r"|^>|^[-+=](?=[-+=\s]|$))"
-)
 
 
 def code(value: object) -> Marked:

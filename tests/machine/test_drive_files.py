@@ -2,11 +2,13 @@
 
 import csv
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 from drive_readers import read_cam, read_csv, read_trajectory
+from markdown_it import MarkdownIt
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
@@ -224,6 +226,23 @@ def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
     assert said["VelocityOffset"] == [0] * 4 and first.speed[0].any()
     np.testing.assert_allclose(said["TorqueOffset"], 1000 * weight / (R * RATED), atol=0.51)
     assert said["TorqueOffset"][1] != 0 and abs(first.torque[0] - said["TorqueOffset"]).max() > 10
+
+
+def test_names_are_text_in_the_read_me(robot, motion, tmp_path):
+    """No tag, link or further cell; the page is read as GitHub reads it, with HTML on."""
+    names = ('<img src=x onerror="alert(1)">|x', "[a](javascript:b)", "<script>`&lt;", "a\\|b")
+    design = make_design(
+        Scenario(controller=ControllerChoice(kind="pi", omega_r=66)), robot=robot, motion=motion
+    )
+    design = replace(design, nominal=replace(robot, joint_names=names))
+    export(design, drives_with(), tmp_path, cam_points=50, title=names[0])
+    reader = MarkdownIt("commonmark").enable("table")
+    tokens = reader.parse((tmp_path / "README.md").read_text(encoding="utf-8"))
+    parts = [part for token in tokens for part in token.children or [token]]
+    assert not [x for x in parts if x.type in ("html_inline", "html_block", "image", "link_open")]
+    cells = ["".join(x.content for x in y.children) for y in tokens if y.type == "inline"]
+    assert all(cells.count(name) == 2 for name in names)
+    assert cells[0] == f"{names[0]}: set points for drives"
 
 
 # --- what a loop makes of the files ------------------------------------------------------------

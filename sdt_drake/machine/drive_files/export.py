@@ -12,6 +12,7 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import MAX_PERIODS, InputError, within
 from sdt_drake.io.files import replacing_files, write_text
+from sdt_drake.io.markdown import escaped
 from sdt_drake.io.results import Results
 from sdt_drake.io.versions import versions
 from sdt_drake.machine.drive_files import formats
@@ -133,7 +134,7 @@ def _write_read_me(
         homing.append((k + 1, name, axis.zero, first, start, last))
     text = Path(__file__).with_name("export.md").read_text(encoding="utf-8")
     values = {
-        "title": title,
+        "title": escaped(title),
         "version": versions()["package"],
         "duration": design.motion.duration,
         "cycle": 1e3 * drives.cycle_time,
@@ -145,7 +146,7 @@ def _write_read_me(
 
 
 def _rows(rows: Sequence[Sequence[object]]) -> str:
-    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
+    return "\n".join(f"| {' | '.join(map(escaped, row))} |" for row in rows)
 
 
 def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:
