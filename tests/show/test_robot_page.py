@@ -1,5 +1,8 @@
 """A robot by itself: a page with sliders for its joints, and the same live."""
 
+import re
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pytest
 from robots import RATE_TABLE, SEVEN
@@ -15,6 +18,7 @@ from sdt_drake.show.view3d.robot_page import (
     sentence,
     show_robot,
 )
+from sdt_drake.show.view3d.viewer import record_html
 
 BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"
 MESH = "<visual><geometry><mesh filename='none.obj'/></geometry></visual>"
@@ -77,7 +81,7 @@ def test_numbers_of_the_rate_table(tmp_path):
     assert link_table(links).rows[0] == ("outer", "180", "0, 0, 0", axes)
 
 
-def test_sliders_of_drake_move_the_robot_and_what_is_drawn_beside_it(own, monkeypatch):
+def test_sliders_of_meshcat_move_the_robot_and_what_is_drawn_beside_it(own, monkeypatch):
     made, told = [], []
 
     class Seen(RobotScene):
@@ -94,7 +98,7 @@ def test_sliders_of_drake_move_the_robot_and_what_is_drawn_beside_it(own, monkey
         (shown,) = made
         if any(q[1] != 0 for q in shown.placed):
             raise KeyboardInterrupt
-        shown.scene.meshcat.SetSliderValue("joint_2", 0.5)
+        shown.scene.meshcat.SetSliderValue("2 joint_2", 0.5)
 
     monkeypatch.setattr(robot_page, "RobotScene", Seen)
     monkeypatch.setattr(robot_page.clock, "sleep", sleep)
@@ -113,3 +117,63 @@ def test_sliders_of_drake_move_the_robot_and_what_is_drawn_beside_it(own, monkey
     centre = own.plant.GetBodyByName("link_7").default_spatial_inertia().get_com()
     assert joint == 6 and np.any(centre != 0)
     np.testing.assert_allclose(at_zero.translation(), (zero @ [*centre, 1])[:3], atol=1e-12)
+
+
+# --- names that would like to be scripts ---------------------------------------------------------
+
+NAMES = ["<img src=x onerror=window.ran=1>", "e'}));window.ran=2;(({'a':'"]
+
+
+@pytest.fixture(scope="module")
+def evil(tmp_path_factory):
+    """The rate table, with such names of the robot, its links, joints, shapes and colours."""
+    path = tmp_path_factory.mktemp("evil") / "own.urdf"
+    root = ET.fromstring(RATE_TABLE)
+    for link in root.findall("link"):
+        visual = ET.SubElement(link, "visual", name="box")
+        ET.SubElement(ET.SubElement(visual, "geometry"), "box", size="1 1 1")
+        ET.SubElement(ET.SubElement(visual, "material", name="red"), "color", rgba="1 0 0 1")
+    given = sorted({x.get("name", "") for x in root.iter()} - {""})
+    new = {name: NAMES[k % 2][:-1] + f"{k}" + NAMES[k % 2][-1] for k, name in enumerate(given)}
+    for element in root.iter():
+        for field in {"name", "link", "joint"} & element.attrib.keys():
+            element.set(field, new.get(element.get(field), element.get(field)))
+    path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    return load_robot(path)
+
+
+RAN = """() => {
+  document.querySelectorAll(".dg .title, .dg .close-button").forEach(button => button.click());
+  return [window.ran || 0, document.querySelectorAll("img").length];
+}"""  # what ran at once, and pictures that would run it
+
+
+def test_names_are_no_scripts_in_pages(evil, open_page, tmp_path):
+    time = np.arange(31) / 30
+    robot_html(evil, tmp_path / "robot.html")
+    record_html(evil, time, np.outer(time, np.ones(evil.n)), tmp_path / "motion.html")
+    for path in tmp_path.iterdir():
+        with open_page(path, width=200, height=130) as (page, errors, requests):
+            page.wait_for_function("viewer.scene_tree.find(['robot']).object.children.length > 0")
+            assert page.evaluate(RAN) == [0, 0] and errors == [] and requests == []
+
+
+def test_names_are_no_scripts_beside_sliders(evil, browser, monkeypatch):
+    told, ran = [], []
+
+    def sleep(_):
+        page = browser.new_page()
+        page.goto(told[0])
+        page.wait_for_function(f"Object.keys(viewer.gui_controllers).length >= {evil.n}")
+        ran.append(page.evaluate(RAN))
+        page.close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(robot_page.clock, "sleep", sleep)
+    show_robot(evil, port=None, once=False, announce=told.append)
+    assert ran == [[0, 0]]
+
+
+@pytest.mark.parametrize("name", [*NAMES, "a&lt;b", '"', "`${x}`", "\\u0027", "\u2028"])
+def test_names_of_sliders_have_no_character_of_scripts(name):
+    assert re.fullmatch(r"[\w .:+-]+", robot_page.slider_name(f"1 {name}"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Ellipsoid, Meshcat, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.meshcat import JointSliders
 from pydrake.multibody.tree import RigidBody
 
 from sdt_drake.io.arrays import Array
@@ -27,6 +27,7 @@ MASS = (0.85, 0.25, 0.1)
 """Colour of centres of mass and ellipsoids of inertia, RGB in 0..1."""
 
 _AXES, _MASSES = "axes", "masses"  # paths of the scene
+_STEP = 0.01  # of sliders [rad]
 _TURNED = np.pi / 2  # angle of a single joint that the camera must show, too [rad]
 
 
@@ -257,7 +258,7 @@ def robot_html(robot: Robot, path: Path) -> None:
 def show_robot(
     robot: Robot, *, port: int | None, once: bool, announce: Callable[[str], None]
 ) -> None:
-    """Show a robot in a browser with Drake's sliders for its joints, until Ctrl-C.
+    """Show a robot in a browser with Meshcat's sliders for its joints, until Ctrl-C.
 
     Masses are hidden at first; Meshcat's list of the scene shows them.
 
@@ -271,17 +272,15 @@ def show_robot(
     shown = RobotScene(robot, meshcat)
     shown.scene.overview()
     meshcat.SetProperty(f"/{_MASSES}", "visible", False)
-    low, high = shown.ranges()
-    sliders = JointSliders(
-        meshcat, robot.plant, initial_value=shown.start, lower_limit=low, upper_limit=high,
-        step=np.full(robot.n, 0.01),
-    )  # fmt: skip
-    context = sliders.CreateDefaultContext()
+    names = [slider_name(name) for name in numbered(robot.joint_names)]
+    for name, *numbers in zip(names, *shown.ranges(), shown.start, strict=True):
+        low, high, start = map(float, numbers)
+        meshcat.AddSlider(name, min=low, max=high, step=_STEP, value=start)
     try:
         announce(meshcat.web_url())
         q = shown.start
         while True:
-            chosen = np.asarray(sliders.get_output_port().Eval(context), dtype=float)
+            chosen = np.array([meshcat.GetSliderValue(name) for name in names])
             if not np.array_equal(chosen, q):
                 shown.place(q := chosen)
                 meshcat.Flush()
@@ -290,3 +289,14 @@ def show_robot(
             clock.sleep(1 / FRAME_RATE)
     except KeyboardInterrupt:
         return
+
+
+def slider_name(name: str) -> str:
+    """Return a joint's name for a slider, with "_" for characters that HTML or scripts may need.
+
+    Meshcat shows the names of sliders as HTML, and evaluates a script that contains them.
+
+    >>> slider_name("2 arm's <pitch>")
+    '2 arm_s _pitch_'
+    """
+    return re.sub(r"[^\w .:+-]", "_", name)
