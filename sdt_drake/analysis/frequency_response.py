@@ -54,7 +54,8 @@ class FrequencyResponse(Shown):
     modulus_margin: Array
     """Smallest distance between loop gain and -1 [-]."""
     damping: Array
-    """Smallest damping ratio of the modes between v_ref and v, all loops closed [-]."""
+    """Smallest damping ratio of the modes between v_ref and v, all loops closed [-]. Joints that
+    move each other share their modes."""
     stable: NDArray[np.bool_]
     """True if every mode between v_ref and v decays; free positions do not count."""
     sample: NDArray[np.intp]
@@ -158,9 +159,9 @@ def frequency_response(
         tracking[:, mine] = loop.tracking(omega)[:, mine]
         gain[:, mine] = loop.loop_gain(omega)[:, mine]
         for k in mine:
-            closed = loop.closed(k)
-            stable[k] = is_stable(closed.modes(), design.omega_n[k])
-            damping[k] = least_damping(closed, design.omega_n[k])
+            modes = loop.closed(k).modes_between()
+            stable[k] = is_stable(modes, design.omega_n[k])
+            damping[k] = least_damping(modes, design.omega_n[k])
     size = np.abs(tracking)
     factors = [_critical_gains(omega, gain[:, k]) for k in range(n)]
     return FrequencyResponse(

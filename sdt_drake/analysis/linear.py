@@ -88,7 +88,8 @@ class LinearLoop:
         A = np.block([[loop.A, q_ref], [np.zeros((1, len(loop.A))), np.full((1, 1), rest)]])
         B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
         C = np.append(loop.C[[3 * n + k]], [[0.0]], axis=1)
-        return StateSpace(A, B, C, np.zeros((1, 1)), loop.period).between()
+        states = (*loop.states, f"q_ref_{k + 1}")
+        return StateSpace(A, B, C, np.zeros((1, 1)), loop.period, states).between()
 
 
 def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
@@ -116,25 +117,17 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
     if not (is_whole and 0 <= sample <= last):
         raise InputError(f"{sample!r}, expected a whole number from 0 to {last}", place="sample")
     loop = linearise(design, sample).whole()
-    n, kind = design.robot.n, design.scenario.controller.kind
+    n = design.robot.n
     torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # tau_ff is added to the feedback
     loop = replace(
         loop,
         C=loop.C[2 * n :],
         D=np.vstack([loop.D[2 * n : 4 * n], loop.D[4 * n :] + torque]),
-    )
-    process, feedback = make_process(design), controller_class(kind).linear(design, sample)
-    states = [*_of_joints(n, "q", "v"), *_state_names(process)[2 * n :]]
-    own = _state_names(feedback)
-    # Positions one period earlier: at the drive's samples, then at those of the reference.
-    late = [*_of_joints(n, "q_before"), *own, *_of_joints(n, "q_sampled_before")]
-    states += late if len(loop.A) > len(states) + len(own) else own
-    names = tuple(x for x, there in zip(states, loop.is_between(), strict=False) if there)
-    loop = loop.between()
+    ).between()
     inputs = _of_joints(n, "q_ref", "v_ref", "vd_ref", "tau_ff")
     outputs = _of_joints(n, "q", "v", "tau_cmd")
     return LinearModel(
-        loop.A, loop.B, loop.C, loop.D, loop.period, names, tuple(inputs), tuple(outputs)
+        loop.A, loop.B, loop.C, loop.D, loop.period, loop.states, tuple(inputs), tuple(outputs)
     )
 
 
@@ -177,14 +170,16 @@ def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLo
     step = period if is_slow else feedback.period or design.drive.period or 0.0
     if step:
         process = process.sampled(step)
-        process = process.by_differences(n) if is_late else process
+        if is_late:
+            process = process.by_differences(_of_joints(n, "q_before"))
         feedback = feedback if feedback.period else feedback.sampled(step)
     torque, samples, measured = slice(n), slice(n, 3 * n), slice(2 * n)
     series = _in_series(process, feedback)
     if is_slow or not by_samples:
         return LinearLoop(series.fed_back(measured, samples), False, n)
     slow = series.fed_back(slice(4 * n, None), torque).sampled(period)
-    slow = slow.by_differences(n) if is_late else slow
+    if is_late:
+        slow = slow.by_differences(_of_joints(n, "q_sampled_before"))
     return LinearLoop(slow.fed_back(slice(n, 2 * n), slice(n, 2 * n)), True, n)
 
 
@@ -205,6 +200,7 @@ def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:
         C=np.block([[process.C, np.zeros((4 * n, x))], [D_state @ measured, feedback.C]]),
         D=np.block([[np.zeros((4 * n, 7 * n))], [at_once, D_samples, D_reference, at_once]]),
         period=process.period,
+        states=process.states + feedback.states,
     )
 
 
@@ -219,7 +215,8 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
     _hold_still(diagram, context, first=2 * n)
     parts = [_taylor(diagram, context, "tau_cmd", name) for name in ("measured", "state")]
     C, D = np.vstack([part.C for part in parts]), np.vstack([part.D for part in parts])
-    return replace(parts[0], C=C, D=D)
+    states = (*_of_joints(n, "q", "v"), *parts[0].states[2 * n :])  # the plant's are the first
+    return replace(parts[0], C=C, D=D, states=states)
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
@@ -276,4 +273,4 @@ def _taylor(system: System, context: Context, input_name: str, output_name: str)
         input_port_index=system.GetInputPort(input_name).get_index(),
         output_port_index=system.GetOutputPort(output_name).get_index(),
     )
-    return StateSpace.of(taylor)
+    return StateSpace.of(taylor, tuple(_state_names(system)))

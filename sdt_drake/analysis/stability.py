@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.linear import close, linear_feedback, linear_process
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.progress import with_progress
 from sdt_drake.robot.device import Drive, Elasticity
 from sdt_drake.robot.dynamics import where_largest
@@ -113,11 +113,11 @@ def stability_sweep(
             return close(rigid, process, feedback(ratio * omega_r, sample)).closed(k)
 
         def damping_at(ratio: float) -> float:
-            return least_damping(loop(ratio), ratio * omega_r)
+            return least_damping(loop(ratio).modes(), ratio * omega_r)
 
         for i, ratio in enumerate(ratios.tolist()):
             closed = loop(ratio)
-            damping[i, k] = least_damping(closed, ratio * omega_r)
+            damping[i, k] = least_damping(closed.modes(), ratio * omega_r)
             if damping[i, k] > 0:
                 _, speed = closed.step(_STEP_TIME / (ratio * omega_r), _STEP_SAMPLES)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
@@ -138,14 +138,14 @@ def own_ratio(design: Design, omega_r: float) -> Array:
     return natural_frequency(design.gains, design.i_eff) / omega_r
 
 
-def least_damping(loop: StateSpace, omega_n: float) -> float:
-    """Return the smallest damping ratio -Re(s) / |s| of a loop's modes [-].
+def least_damping(modes: Complex, omega_n: float) -> float:
+    """Return the smallest damping ratio -Re(s) / |s| of modes [-].
 
-    Free positions do not count: they are modes more than 1e4 times slower than `omega_n` [rad/s].
+    A mode of -inf, which is gone after one sample, has the ratio 1. Free positions do not count:
+    they are modes more than 1e4 times slower than `omega_n` [rad/s].
     """
-    modes = loop.modes()
     moving = modes[np.abs(modes) > 1e-4 * omega_n]
-    return float(np.min(-moving.real / np.abs(moving), initial=1.0))  # 1 without any mode
+    return float(np.min(-np.cos(np.angle(moving)), initial=1.0))  # 1 without any mode
 
 
 def _slow_design(design: Design, drive: Drive) -> Design:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from itertools import compress
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,13 @@ from sdt_drake.io.shown import Shown, Summary
 if TYPE_CHECKING:
     import control
 
+_ROUND_OFF = 1e-14
+"""Share of a step that a mode which is connected by round-off alone does not exceed [-]."""
+
+_GONE = 1e-4
+"""Share of a mode after one sample at which it counts as gone [-]. Round-off moves a threefold
+eigenvalue 0 of A to about 1e-5."""
+
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
@@ -28,11 +37,14 @@ class StateSpace:
     D: Array
     period: float = 0.0
     """Sample period [s]; 0 for a continuous system."""
+    states: tuple[str, ...] = ()
+    """Names of the states."""
 
     @classmethod
-    def of(cls, system: AffineSystem) -> StateSpace:
+    def of(cls, system: AffineSystem, states: tuple[str, ...] = ()) -> StateSpace:
         """Return the linear part of a linear or affine system of Drake, without offsets."""
-        return StateSpace(system.A(), system.B(), system.C(), system.D(), system.time_period())
+        A, B, C, D = system.A(), system.B(), system.C(), system.D()
+        return StateSpace(A, B, C, D, system.time_period(), states)
 
     def response(self, omega: Array) -> NDArray[np.complex128]:
         """Return the frequency response at `omega` [rad/s], shape (len(omega), outputs, inputs)."""
@@ -48,11 +60,11 @@ class StateSpace:
         """
         if not self.period:
             continuous = LinearSystem(self.A, self.B, self.C, self.D)
-            return StateSpace.of(DiscreteTimeApproximation(continuous, period))
+            return StateSpace.of(DiscreteTimeApproximation(continuous, period), self.states)
         A, B = np.eye(len(self.A)), np.zeros_like(self.B)
         for _ in range(round(period / self.period)):
             A, B = self.A @ A, self.A @ B + self.B
-        return StateSpace(A, B, self.C, self.D, period)
+        return replace(self, A=A, B=B, period=period)
 
     def fed_back(self, outputs: slice, inputs: slice) -> StateSpace:
         """Return the system with `outputs` connected to `inputs`, which are removed.
@@ -61,43 +73,72 @@ class StateSpace:
         """
         C, D = self.C[outputs], np.delete(self.D[outputs], inputs, axis=1)
         into, at_once = self.B[:, inputs], self.D[:, inputs]
-        return StateSpace(
+        return replace(
+            self,
             A=self.A + into @ C,
             B=np.delete(self.B, inputs, axis=1) + into @ D,
             C=self.C + at_once @ C,
             D=np.delete(self.D, inputs, axis=1) + at_once @ D,
-            period=self.period,
         )
 
-    def by_differences(self, n: int) -> StateSpace:
-        """Return the system with outputs n to 2n replaced by differences of the first n per period.
+    def by_differences(self, before: Sequence[str]) -> StateSpace:
+        """Return the system with n of its outputs replaced by differences of the n ahead of them.
 
-        It has n additional states at the end: the first n outputs at the previous sample.
+        The first n outputs stay, the next n become their differences per period. The system has n
+        additional states at the end, named `before`: the first n outputs at the previous sample.
         """
+        n = len(before)
         first, none = self.C[:n], np.zeros((len(self.A), n))
         C = np.hstack([self.C, np.zeros((len(self.C), n))])
         C[n : 2 * n] = np.hstack([first, -np.eye(n)]) / self.period
         A = np.block([[self.A, none], [first, np.zeros((n, n))]])
-        return StateSpace(A, np.vstack([self.B, self.D[:n]]), C, self.D, self.period)
+        B, states = np.vstack([self.B, self.D[:n]]), (*self.states, *before)
+        return replace(self, A=A, B=B, C=C, states=states)
 
     def between(self) -> StateSpace:
-        """Return the system without uncontrollable and unobservable states (structurally)."""
-        x = self.is_between()
-        return replace(self, A=self.A[np.ix_(x, x)], B=self.B[x], C=self.C[:, x])
+        """Return the system with the states on a path from an input to an output, by A, B, C != 0.
 
-    def is_between(self) -> NDArray[np.bool_]:
-        """Return True for states on a path from an input to an output, by A, B, C != 0."""
+        All other states are uncontrollable or unobservable.
+        """
         n = len(self.A)
         leads = np.linalg.matrix_power((self.A != 0) | np.eye(n, dtype=bool), n)  # column to row
-        return (leads @ (self.B != 0).any(axis=1)) & ((self.C != 0).any(axis=0) @ leads)
+        x = (leads @ (self.B != 0).any(axis=1)) & ((self.C != 0).any(axis=0) @ leads)
+        states = tuple(compress(self.states, x))
+        return replace(self, A=self.A[np.ix_(x, x)], B=self.B[x], C=self.C[:, x], states=states)
 
     def modes(self) -> NDArray[np.complex128]:
-        """Return the eigenvalues [1/s]; for a sampled system, their continuous equivalents."""
-        eigenvalues = np.linalg.eigvals(self.A).astype(complex)
+        """Return the eigenvalues [1/s]; for a sampled system, their continuous equivalents.
+
+        Those of a mode that is gone after one sample (deadbeat) are -inf.
+        """
+        return self._as_continuous(np.linalg.eigvals(self.A))
+
+    def modes_between(self) -> NDArray[np.complex128]:
+        """Return the modes [1/s] that the one input moves and the one output shows.
+
+        Round-off alone connects the input to the other modes, such as those of joints that a
+        controller decouples. The share of such a mode in the output after a step of 1, its residue
+        over its rate, is at most `_ROUND_OFF`. Modes that grow are always returned.
+        """
+        import scipy.linalg  # only here, as it takes a while to load
+
+        eigenvalues, left, right = scipy.linalg.eig(self.A, left=True, right=True)
+        moved, shown = (left.conj().T @ self.B)[:, 0], (self.C @ right)[0]
+        paired = np.abs(np.sum(left.conj() * right, axis=0))  # 0 for a Jordan block
+        rate = np.abs(eigenvalues - (1 if self.period else 0))
+        modes = self._as_continuous(eigenvalues)
+        return modes[(np.abs(moved * shown) > _ROUND_OFF * paired * rate) | (modes.real > 0)]
+
+    def _as_continuous(self, eigenvalues: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the modes [1/s] of eigenvalues of A."""
+        z = eigenvalues.astype(complex)
         if not self.period:
-            return eigenvalues
+            return z
+        size = np.where(np.abs(z) > _GONE, np.abs(z), 0.0)
         with np.errstate(divide="ignore"):
-            return np.log(eigenvalues) / self.period
+            decay = np.log(size) / self.period
+        modes: NDArray[np.complex128] = decay + 1j * np.angle(z) / self.period
+        return modes
 
     def step(self, duration: float, samples: int) -> tuple[Array, Array]:
         """Return time [s], (N + 1,), and outputs, (N + 1, outputs), after a step of the one input.
@@ -126,8 +167,6 @@ class LinearModel(Shown, StateSpace):
     Speeds, angles and their references are joint side, torques motor side.
     """
 
-    states: tuple[str, ...] = ()
-    """Names of the states."""
     inputs: tuple[str, ...] = ()
     """Names of the inputs."""
     outputs: tuple[str, ...] = ()

@@ -5,7 +5,10 @@ import pytest
 from scipy.linalg import expm
 from variants import kind
 
+from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.analysis.linear import linearise
+from sdt_drake.analysis.stability import least_damping
+from sdt_drake.systems.state_space import StateSpace
 
 OMEGA_R = 65.991
 SAMPLES = (1000, 4776)  # at the last, joint 3 holds the most against gravity
@@ -116,3 +119,30 @@ def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
     others = speed * (1 - np.eye(4))
     assert np.abs(others).max() < 1e-3  # gravity changes within a period
     assert loop.opened.period == T
+
+    double = held(np.array([[0.0, 1], [0, 0]]), np.array([[0.0], [1]]), T)
+    expected = []
+    for k in range(4):
+        gains = np.array([[OMEGA_R**2 / 4, zeta[k] * OMEGA_R]])
+        modes = np.log(np.linalg.eigvals(double[0] - double[1] @ gains).astype(complex))
+        expected.append(np.min(-modes.real / np.abs(modes)))
+    assert expected[0] < 0.99 < 1 == expected[1] == expected[2]  # no joint has that of another
+    damping = frequency_response(design, sample=sample, points=50).damping
+    np.testing.assert_allclose(damping, expected, atol=1e-6)
+
+
+# --- modes that are gone after a sample ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("eigenvalues", "damping"),
+    [((0.0,), 1.0), ((0.0, 0.0, 0.0), 1.0), ((0.0, 0.5), 1.0), ((0.0, -1.2), -0.057937)],
+)
+def test_a_deadbeat_mode_has_a_damping_and_hides_no_other(eigenvalues, damping):
+    n = len(eigenvalues)
+    A = np.diag(eigenvalues) + np.diag(np.ones(n - 1), 1)  # 0 three times: one Jordan block
+    turned = np.linalg.qr(np.random.default_rng(1).normal(size=(n, n)))[0]
+    rest = np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))
+    for system in (StateSpace(A, *rest, 0.001), StateSpace(turned @ A @ turned.T, *rest, 0.001)):
+        for modes in (system.modes(), system.modes_between()):
+            assert least_damping(modes, 30.0) == pytest.approx(damping, abs=1e-6)

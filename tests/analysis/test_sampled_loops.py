@@ -86,6 +86,12 @@ def test_every_state_is_reached_and_shown(designed, name, fields):
     slow = name in ("p_pi", "inverse_dynamics")
     assert model.period == pytest.approx(T if slow else design.drive.period or 0, rel=1e-8)
     assert model.to_control().dt == model.period
+    at = {state: i for i, state in enumerate(model.states)}
+    assert len(at) == len(model.A)
+    for k in range(1, 5):
+        assert model.C[model.outputs.index(f"q_{k}"), at[f"q_{k}"]] == 1
+        if fields and name != "p_pi":  # at the drive's samples, which are those of the model
+            np.testing.assert_allclose(model.A[at[f"q_before_{k}"]], np.eye(len(at))[at[f"q_{k}"]])
     for A, B in ((model.A, model.B), (model.A.T, model.C.T)):
         for mode in np.linalg.eigvals(A):  # Popov, Belevitch, Hautus: of full rank at every mode
             test = np.hstack([mode * np.eye(len(A)) - A, B])
