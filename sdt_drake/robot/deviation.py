@@ -14,7 +14,8 @@ from sdt_drake.io.errors import InputError, at
 from sdt_drake.io.fields import FileOf, Input, Number, Positive, Problems, Some, setting
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.resources import find_file
-from sdt_drake.robot.robot import Robot, edited, parts_of
+from sdt_drake.robot.parsed import parts_of
+from sdt_drake.robot.robot import Robot, edited
 from sdt_drake.robot.sdf import (
     body_of,
     link_named,

@@ -27,7 +27,8 @@ from sdt_drake.io.fields import (
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.envelope import Envelope
-from sdt_drake.robot.robot import Robot, edited, parts_of
+from sdt_drake.robot.parsed import parts_of
+from sdt_drake.robot.robot import Robot, edited
 from sdt_drake.robot.sdf import DRAKE, child, link_named, links_by_name, scale_link, set_inertia
 
 DEFAULT_CATALOGUE = "package://sdt/motors.yaml"

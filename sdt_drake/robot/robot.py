@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,30 +12,34 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
-    Joint,
-    JointActuator,
     RevoluteJoint,
-    RigidBody,
-    WeldJoint,
 )
 from pydrake.systems.framework import Context
 
 from sdt_drake.io.arguments import a_path, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, one_line
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
-from sdt_drake.robot.coupling import coupling_of, in_words, without_coupling
+from sdt_drake.robot.coupling import coupling_of, in_words
 from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.parsed import (
+    STILL,
+    actuators_of,
+    chain_of,
+    check_dynamics,
+    check_inertias_kept,
+    parse,
+    replace_actuators,
+    welded_to,
+)
 from sdt_drake.robot.rounding import fill_zeros
-from sdt_drake.robot.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
+from sdt_drake.robot.sdf import check_sdf, parse_xml, read_robot_file
 
 _NO_STOP = 1e16  # rad
-_STILL = "still"  # kind of problem: a joint moves no mass
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -193,13 +196,13 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     try:
         robot = _checked_robot(file, root)
     except InputError as error:
-        filled = fill_zeros(root) if error.problems[0].kind == _STILL else []
+        filled = fill_zeros(root) if error.problems[0].kind == STILL else []
         if not filled:
             raise
         changes += filled
         robot = _checked_robot(file, root)
     plant = robot.plant
-    still = _welded_to(plant.world_body(), plant)
+    still = welded_to(plant.world_body(), plant)
     bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
     moving = [body for body in bodies if body.index() not in still]
     massless = [body.name() for body in moving if body.default_mass() == 0]
@@ -241,14 +244,14 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
     """Check an SDF, from a file or edited, and make its robot."""
     corrected = check_sdf(root, file)
     text = ET.tostring(root, encoding="unicode")
-    plant = _parse(file, root)
-    joints = _chain(plant, file)
-    actuators = _actuators(plant, joints, file)
+    plant = parse(file, root)
+    joints = chain_of(plant, file)
+    actuators = actuators_of(plant, joints, file)
     effort_limit = [a.effort_limit() for a in actuators]
-    _replace_actuators(plant, joints, actuators)
+    replace_actuators(plant, joints, actuators)
     plant.Finalize()
-    _check_inertias_kept(plant, root, file)
-    _check_dynamics(plant, joints, file)
+    check_inertias_kept(plant, root, file)
+    check_dynamics(plant, joints, file)
     motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     names = tuple(j.name() for j in joints)
     gear_ratio = np.array([m.default_gear_ratio() for m in motors])
@@ -276,125 +279,3 @@ def _stops(limits: Sequence[float]) -> Array:
     """Convert position limits [rad]: ±1e16, which many SDF files contain, means unlimited."""
     stops = np.array(limits)
     return np.where(np.abs(stops) < _NO_STOP, stops, np.copysign(np.inf, stops))
-
-
-# --- the parsed plant ------------------------------------------------------------------------
-
-_PLACE = re.compile(r"<(data|literal)-string>\S* |error: ")  # places in Drake's messages
-
-
-def _parse(file: Path, root: ET.Element) -> MultibodyPlant:
-    """Parse the plant of an SDF, without finalizing it."""
-    text = ET.tostring(without_coupling(root), encoding="unicode")
-    plant = MultibodyPlant(time_step=0.0)
-    parser = Parser(plant)
-    parser.SetStrictParsing()
-    try:
-        parser.AddModelsFromString(text, "sdf")
-    except Exception as error:  # Drake raises many types
-        raise InputError(f"{file}: {_PLACE.sub('', one_line(error))}") from None
-    return plant
-
-
-def _chain(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
-    """Return the revolute joints, base to tip. Welded bodies count as one."""
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    for joint in joints:
-        if not isinstance(joint, RevoluteJoint | WeldJoint):
-            raise InputError(
-                f"{file}: joint '{joint.name()}' is {joint.type_name()}, expected revolute or fixed"
-            )
-    chain: list[RevoluteJoint] = []
-    reached = _welded_to(plant.world_body(), plant)
-    n_reached = len(reached)
-    turning = [joint for joint in joints if isinstance(joint, RevoluteJoint)]
-    while outboard := [j for j in turning if j.parent_body().index() in reached]:
-        if len(outboard) > 1:
-            names = ", ".join(f"'{j.name()}'" for j in outboard)
-            raise InputError(f"{file}: the chain branches at joints {names}, expected one chain")
-        chain += outboard
-        reached = _welded_to(outboard[0].child_body(), plant)
-        n_reached += len(reached)
-    if n_reached < plant.num_bodies():
-        raise InputError(
-            f"{file}: {plant.num_bodies() - n_reached} link(s) are not connected to the world by "
-            "revolute or fixed joints; give the base a joint with <parent>world</parent>"
-        )
-    if not chain:
-        raise InputError(f"{file}: no revolute joint")
-    return chain
-
-
-def _welded_to(body: RigidBody, plant: MultibodyPlant) -> set[object]:
-    return {b.index() for b in plant.GetBodiesWeldedTo(body)}
-
-
-def _actuators(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> list[JointActuator]:
-    """Check the motors, and return the actuators in the order of the joints."""
-    found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
-    by_joint = {actuator.joint().index(): actuator for actuator in found}
-    for joint in joints:
-        actuator = by_joint.get(joint.index())
-        limit = actuator.effort_limit() if actuator else 0.0
-        rotor = actuator.default_rotor_inertia() if actuator else 0.0
-        ratio = actuator.default_gear_ratio() if actuator else 1.0
-        for good, text in (
-            (
-                0 < limit < np.inf,
-                f"actuator effort limit {limit:g} N m, expected a finite <effort> > 0",
-            ),
-            (rotor >= 0, f"rotor inertia {rotor:g} kg m², expected >= 0"),
-            (ratio > 0, f"gear ratio {ratio:g}, expected > 0"),
-        ):
-            if not good:
-                raise InputError(f"{file}: joint '{joint.name()}': {text}")
-    return [by_joint[joint.index()] for joint in joints]
-
-
-def _replace_actuators(
-    plant: MultibodyPlant, joints: Sequence[Joint], old: list[JointActuator]
-) -> None:
-    """Put the actuators in the order of the joints and remove their effort limits.
-
-    Otherwise the plant would silently limit its torque. The saturation block does that in a loop.
-    """
-    motors = [(a.name(), a.default_rotor_inertia(), a.default_gear_ratio()) for a in old]
-    for actuator in old:
-        plant.RemoveJointActuator(actuator)
-    for joint, (name, rotor_inertia, gear_ratio) in zip(joints, motors, strict=True):
-        actuator = plant.AddJointActuator(name, joint)
-        actuator.set_default_rotor_inertia(rotor_inertia)
-        actuator.set_default_gear_ratio(gear_ratio)
-
-
-def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> None:
-    """Check that every joint moves some mass."""
-    M = plant.CalcMassMatrix(plant.CreateDefaultContext())
-    eigenvalues = np.linalg.eigvalsh(M)
-    if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
-        k, most = int(np.argmin(M.diagonal())), int(np.argmax(M.diagonal()))
-        raise InputError(
-            f"{file}: joint '{joints[k].name()}': inertia about its axis {M[k, k]:g} kg m², "
-            f"expected more: that of '{joints[most].name()}' is {M[most, most]:g} kg m²",
-            kind=_STILL,
-        )
-
-
-def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) -> None:
-    """Check that Drake kept mass and inertia of every link."""
-    for link in root.iter("link"):
-        where = f"{file}: link '{link.get('name')}'"
-        mass, inertia = mass_and_inertia(link, where)
-        kept, _, central = parts_of(plant.GetBodyByName(link.get("name", "")))
-        same = np.allclose(
-            [kept, np.trace(central)], [mass, np.trace(inertia)], rtol=1e-9, atol=1e-9 * mass
-        )
-        if not same:
-            raise InputError(f"{where}: Drake replaced its mass or inertia; check <inertial>")
-
-
-def parts_of(body: RigidBody) -> tuple[float, Array, Array]:
-    """Return mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
-    inertia = body.default_spatial_inertia()
-    com = inertia.get_com()
-    return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()

@@ -11,7 +11,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.drive_files import Axis, Drives, Samples, samples_from, set_points
 from sdt_drake.machine.recordings import Columns, read_recording
 from sdt_drake.motion import Motion, checked_torque, margins
-from sdt_drake.robot.robot import parts_of
+from sdt_drake.robot.parsed import parts_of
 
 FLAT = '<inertia ixx="0.1" iyy="0.2" izz="0.25"/>'
 

@@ -13,7 +13,8 @@ from strategies import GENERATORS, moving, robots
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import decouple, effective_inertia, inverse_dynamics, torque_groups
 from sdt_drake.robot.head import head_motion
-from sdt_drake.robot.robot import Robot, edited, load_robot, parts_of
+from sdt_drake.robot.parsed import parts_of
+from sdt_drake.robot.robot import Robot, edited, load_robot
 
 NO_SHRINKING = (Phase.explicit, Phase.generate)  # a seed has no simpler one
 FEW = settings(max_examples=10, phases=NO_SHRINKING)

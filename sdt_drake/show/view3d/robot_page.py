@@ -16,7 +16,8 @@ from pydrake.multibody.tree import RigidBody
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import joint_count, numbered
-from sdt_drake.robot.robot import Robot, parts_of
+from sdt_drake.robot.parsed import parts_of
+from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.shapes import drawable
 from sdt_drake.show.documents import Table, render_html
 from sdt_drake.show.view3d.scene import FIELD_OF_VIEW, FRAME_RATE, WIDTH, Frames, Scene
