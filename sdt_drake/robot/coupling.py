@@ -46,6 +46,20 @@ def coupling_of(root: ET.Element, names: Sequence[str], gear_ratio: Array, file:
     return coupling
 
 
+def motor_inertia(coupling: Array, gear_ratio: Array, rotor_inertia: Array) -> Array:
+    """Return the inertia of all motors that turn with each joint, seen by its own motor.
+
+    Args:
+        coupling: turns of each motor per turn of each joint [-], shape (n, n).
+        gear_ratio: turns of each motor per turn of its own joint, shape (n,).
+        rotor_inertia: I_m, motor side [kg m²], shape (n,).
+
+    Returns:
+        The diagonal of C' I_m C over r², motor side [kg m²], shape (n,).
+    """
+    return np.asarray(rotor_inertia @ (coupling / gear_ratio) ** 2)
+
+
 def in_words(coupling: Array, names: Sequence[str]) -> list[str]:
     """Return one sentence for each coupled motor."""
     sentences = []
@@ -54,7 +68,7 @@ def in_words(coupling: Array, names: Sequence[str]) -> list[str]:
         if others:
             sentences.append(
                 f"the motor of '{names[k]}' also turns with {listed(others)}: recordings, drive "
-                "files and limits of planned motions account for it, simulations do not"
+                "files and planned motions account for it; simulated drives turn one joint each"
             )
     return sentences
 

@@ -21,15 +21,17 @@ from sdt_drake.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class TorqueGroups:
-    """Joint torques of the links by cause (Eq. 2), joint side, without the motors' inertia.
+    """Joint torques by cause (Eq. 2), joint side, without the inertia of a joint's own motors.
 
-    All arrays have the shape of the motion, (n,) for a sample or (N, n).
+    The missing torque is `Robot.reflected_inertia` times vd. A motor that turns with two joints is
+    also accelerated by the other one; this is part of the reaction. All arrays have the shape of
+    the motion, (n,) for a sample or (N, n).
     """
 
     inertial: Array
     """d_kk vd_k [N m]."""
     reaction: Array
-    """Torque from accelerations of other joints: sum over j != k of d_kj vd_j [N m]."""
+    """Torque from accelerations of other joints: sum over j != k of m_kj vd_j [N m]."""
     velocity: Array
     """Centrifugal and Coriolis torque, and viscous friction of the file [N m]."""
     gravity: Array
@@ -64,7 +66,7 @@ def groups_of_sample(
     """
     plant = robot.plant
     plant.SetPositionsAndVelocities(context, q_and_v)
-    M = plant.CalcMassMatrix(context)
+    M = robot.mass_matrix(context)
     d_kk = M.diagonal() - robot.reflected_inertia
     inertial = d_kk * vd
     reaction = M @ vd - M.diagonal() * vd
@@ -76,7 +78,8 @@ def groups_of_sample(
 def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
     """Compute the joint torque **with the motors' inertia**, joint side [N m], shape (N, n).
 
-    The result is the total of `torque_groups` plus r² I_m vd. Drake's recursion is faster.
+    The result is the total of `torque_groups` plus `Robot.reflected_inertia` times vd. Drake's
+    recursion is faster.
 
     Args:
         robot: the robot.
@@ -100,7 +103,7 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
         plant.SetPositionsAndVelocities(context, q_and_v)
         plant.CalcForceElementsContribution(context, forces)  # gravity and viscous friction
         torque[i] = plant.CalcInverseDynamics(context, vd[i], forces)
-    return torque
+    return torque + vd @ robot.shared_inertia
 
 
 def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> TorqueGroups:
@@ -203,11 +206,13 @@ def decouple(
 def effective_inertia(robot: Robot, d_kk: ArrayLike) -> Array:
     """Compute I_eff = I_m + d_kk / r² (Eq. 3), **motor side** [kg m²].
 
+    I_m contains other motors that turn with the joint; see `Robot.motor_inertia`.
+
     Args:
         robot: the robot, with rotor inertias I_m and gear ratios r.
         d_kk: diagonal of the links' mass matrix, joint side [kg m²], shape (n,) or (N, n).
     """
-    return robot.rotor_inertia + np.asarray(d_kk) / robot.gear_ratio**2
+    return robot.motor_inertia + np.asarray(d_kk) / robot.gear_ratio**2
 
 
 def where_largest(d_kk: ArrayLike) -> NDArray[np.intp]:

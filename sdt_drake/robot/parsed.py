@@ -92,30 +92,41 @@ def actuators_of(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> 
 
 
 def replace_actuators(
-    plant: MultibodyPlant, joints: Sequence[Joint], old: list[JointActuator]
+    plant: MultibodyPlant, joints: Sequence[Joint], old: list[JointActuator], inertia: Array
 ) -> None:
     """Put the actuators in the order of the joints and remove their effort limits.
 
     Otherwise the plant would silently limit its torque. The saturation block does that in a loop.
+
+    Args:
+        plant: the plant, not yet finalized.
+        joints: the joints, base to tip.
+        old: their actuators.
+        inertia: inertia that each motor sees of all motors [kg m²], shape (n,).
     """
-    motors = [(a.name(), a.default_rotor_inertia(), a.default_gear_ratio()) for a in old]
+    motors = [(a.name(), a.default_gear_ratio()) for a in old]
     for actuator in old:
         plant.RemoveJointActuator(actuator)
-    for joint, (name, rotor_inertia, gear_ratio) in zip(joints, motors, strict=True):
+    for joint, (name, gear_ratio), seen in zip(joints, motors, inertia, strict=True):
         actuator = plant.AddJointActuator(name, joint)
-        actuator.set_default_rotor_inertia(rotor_inertia)
+        actuator.set_default_rotor_inertia(seen)
         actuator.set_default_gear_ratio(gear_ratio)
 
 
-def check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> None:
-    """Check that every joint moves some mass."""
-    M = plant.CalcMassMatrix(plant.CreateDefaultContext())
+def check_dynamics(M: Array, names: Sequence[str], file: Path) -> None:
+    """Check that every joint moves some mass.
+
+    Args:
+        M: mass matrix with rotors, joint side [kg m²], shape (n, n).
+        names: names of the joints.
+        file: the file, for messages.
+    """
     eigenvalues = np.linalg.eigvalsh(M)
     if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
         k, most = int(np.argmin(M.diagonal())), int(np.argmax(M.diagonal()))
         raise InputError(
-            f"{file}: joint '{joints[k].name()}': inertia about its axis {M[k, k]:g} kg m², "
-            f"expected more: that of '{joints[most].name()}' is {M[most, most]:g} kg m²",
+            f"{file}: joint '{names[k]}': inertia about its axis {M[k, k]:g} kg m², "
+            f"expected more: that of '{names[most]}' is {M[most, most]:g} kg m²",
             kind=STILL,
         )
 

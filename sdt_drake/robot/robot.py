@@ -24,7 +24,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
-from sdt_drake.robot.coupling import coupling_of, in_words
+from sdt_drake.robot.coupling import coupling_of, in_words, motor_inertia
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.parsed import (
     STILL,
@@ -54,7 +54,8 @@ class Robot(Shown):
     """The SDF or URDF file."""
     plant: MultibodyPlant
     """Finalized continuous plant. Velocity k and actuator k belong to joint k. Its mass matrix
-    contains the rotors. It has **no effort limits**: the saturation block limits the torque."""
+    contains the rotors on the diagonal alone; `mass_matrix` has all. It has **no effort limits**:
+    the saturation block limits the torque."""
     joint_names: tuple[str, ...]
     """Names of the joints, base to tip."""
     rotor_inertia: Array
@@ -105,15 +106,57 @@ class Robot(Shown):
         """Largest torque of each motor, motor side [N m], shape (n,)."""
         return self.effort_limit / self.gear_ratio
 
-    @cached_property
-    def reflected_inertia(self) -> Array:
-        """r² I_m, the motors' part of the mass matrix, joint side [kg m²], shape (n,)."""
-        return self.gear_ratio**2 * self.rotor_inertia
-
     @property
     def is_coupled(self) -> bool:
         """True if a motor also turns with another joint."""
         return bool(np.count_nonzero(self.coupling) > self.n)
+
+    @cached_property
+    def motor_inertia(self) -> Array:
+        """Inertia of all motors that turn with a joint, seen by its own one [kg m²], shape (n,).
+
+        Motor side. It is I_m unless other motors turn with the joint, too."""
+        return motor_inertia(self.coupling, self.gear_ratio, self.rotor_inertia)
+
+    @cached_property
+    def reflected_inertia(self) -> Array:
+        """Motors' part of the diagonal of the mass matrix, joint side [kg m²], shape (n,).
+
+        The motors turn at C v and have the energy (C v)' I_m (C v) / 2, with the coupling C. So
+        their part of the mass matrix is C' I_m C. Its diagonal is r² I_m without coupled motors."""
+        return self.gear_ratio**2 * self.motor_inertia
+
+    @cached_property
+    def shared_inertia(self) -> Array:
+        """Motors' part of the mass matrix off its diagonal [kg m²], shape (n, n).
+
+        Joint side. It belongs to motors that turn with two joints, and is 0 without them."""
+        whole = self.coupling.T * self.rotor_inertia @ self.coupling
+        return whole * (1 - np.eye(self.n))
+
+    def mass_matrix(self, context: Context) -> Array:
+        """Return the mass matrix with all rotors, joint side [kg m²], shape (n, n).
+
+        Args:
+            context: a context of `plant`.
+        """
+        return self.plant.CalcMassMatrix(context) + self.shared_inertia
+
+    @cached_property
+    def gear_coupling(self) -> Array:
+        """Turns at the output of each motor's gear per turn of each joint [-], shape (n, n).
+
+        The output of a gear turns at the motor's speed over r: with the joint, unless the motor
+        turns with another joint, too."""
+        return self.coupling / self.gear_ratio[:, None]
+
+    def gear_speed(self, angles: ArrayLike) -> Array:
+        """Convert angles, speeds or accelerations of the joints to outputs of gears, (..., n)."""
+        return np.asarray(angles, dtype=float) @ self.gear_coupling.T
+
+    def gear_torque(self, torque: ArrayLike) -> Array:
+        """Convert torques of the joints to outputs of gears [N m], shape (..., n)."""
+        return np.asarray(torque, dtype=float) @ np.linalg.inv(self.gear_coupling)
 
     def of_motors(self, angles: ArrayLike) -> Array:
         """Convert angles, speeds or accelerations from joint side to motor side, shape (..., n)."""
@@ -132,14 +175,34 @@ class Robot(Shown):
         return np.asarray(torque, dtype=float) @ self.coupling
 
     @property
-    def top_speed(self) -> Array:
-        """Largest joint speed that the file allows and the motors reach [rad/s], shape (n,)."""
+    def gear_speed_limit(self) -> Array:
+        """No-load speed at the output of each gear [rad/s], shape (n,); inf if unknown."""
         if self.envelope is None:
-            return self.velocity_limit
-        return np.minimum(self.velocity_limit, self.envelope.n0 / self.gear_ratio)
+            return np.full(self.n, np.inf)
+        return self.envelope.n0 / self.gear_ratio
+
+    @property
+    def top_speed(self) -> Array:
+        """Largest speed of a joint that turns alone [rad/s], shape (n,).
+
+        The file allows it, and the motors that turn with the joint reach it."""
+        limit, turns = self.gear_speed_limit[:, None], np.abs(self.gear_coupling)
+        alone = np.divide(limit, turns, out=np.full_like(turns, np.inf), where=turns > 0)
+        return np.minimum(self.velocity_limit, alone.min(axis=0))
+
+    def speed_share(self, v: ArrayLike) -> Array:
+        """Return the used share of the speed limits of each joint and its motor [-], (..., n).
+
+        Args:
+            v: joint speeds [rad/s], shape (..., n).
+        """
+        at_gear = np.abs(self.gear_speed(v)) / self.gear_speed_limit
+        return np.maximum(np.abs(v) / self.velocity_limit, at_gear)
 
     def torque_range(self, v: ArrayLike, share: float = 1.0) -> tuple[Array, Array]:
-        """Return the torque range of the motors, joint side [N m], shape (..., n) each.
+        """Return the torque range at the outputs of the gears [N m], shape (..., n) each.
+
+        `gear_torque` gives what motion takes of it.
 
         Args:
             v: joint speeds [rad/s], shape (..., n).
@@ -248,20 +311,20 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
     joints = chain_of(plant, file)
     actuators = actuators_of(plant, joints, file)
     effort_limit = [a.effort_limit() for a in actuators]
-    replace_actuators(plant, joints, actuators)
+    names = tuple(j.name() for j in joints)
+    gear_ratio = np.array([a.default_gear_ratio() for a in actuators])
+    rotor_inertia = np.array([a.default_rotor_inertia() for a in actuators])
+    coupling = coupling_of(root, names, gear_ratio, file)
+    seen = motor_inertia(coupling, gear_ratio, rotor_inertia)
+    replace_actuators(plant, joints, actuators, seen)
     plant.Finalize()
     check_inertias_kept(plant, root, file)
-    check_dynamics(plant, joints, file)
-    motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
-    names = tuple(j.name() for j in joints)
-    gear_ratio = np.array([m.default_gear_ratio() for m in motors])
-    coupling = coupling_of(root, names, gear_ratio, file)
-    return Robot(
+    robot = Robot(
         name=plant.GetModelInstanceName(joints[0].model_instance()),
         path=file,
         plant=plant,
         joint_names=names,
-        rotor_inertia=np.array([m.default_rotor_inertia() for m in motors]),
+        rotor_inertia=rotor_inertia,
         gear_ratio=gear_ratio,
         coupling=coupling,
         effort_limit=np.array(effort_limit),
@@ -273,6 +336,8 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
         sdf=text,
         accepted=(*corrected, *in_words(coupling, names)),
     )
+    check_dynamics(robot.mass_matrix(plant.CreateDefaultContext()), names, file)
+    return robot
 
 
 def _stops(limits: Sequence[float]) -> Array:

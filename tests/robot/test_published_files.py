@@ -9,6 +9,8 @@ from robots import ARM, URDF, loaded, refused
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.drive_files import Axis, Drives, Samples, samples_from, set_points
+from sdt_drake.machine.drive_files.formats import write_drive_table
+from sdt_drake.machine.drive_files.set_points import samples_of
 from sdt_drake.machine.recordings import Columns, read_recording
 from sdt_drake.motion import Motion, checked_torque, margins
 from sdt_drake.robot.parsed import parts_of
@@ -105,6 +107,20 @@ def test_planned_motions_keep_what_coupled_motors_can_give(wrist):
     with pytest.raises(InputError, match=r"joint 1 'shoulder'.*torque"):
         checked_torque(loaded(weak), motion)
     checked_torque(loaded(weak.replace(TURNS, "")), motion)
+
+
+def test_a_drive_table_accelerates_each_rotor_as_its_motor_turns(wrist, tmp_path):
+    """A rotor of 0.03 kg m² on motor 2, which turns at -2 v_1 + 4 v_2, and nothing on motor 1."""
+    turns = TURNS + "<drake:rotor_inertia>0.03</drake:rotor_inertia>"
+    heavier = loaded(COUPLED.replace(TURNS, turns))
+    v = np.array([[0.0, 0.0], [0.02, 0.0], [0.02, 0.05], [0.0, 0.0]])
+    motion = Motion.from_speeds(0.01, np.array([0.3, -0.2]), v)
+    torque = []
+    for robot in (wrist, heavier):
+        write_drive_table(tmp_path / "t.csv", robot, samples_of(robot, motion, 0.01))
+        torque.append(np.loadtxt(tmp_path / "t.csv", delimiter=",", skiprows=1)[:, -2:])
+    rotor = 0.03 * (motion.vd @ [-2, 4])
+    np.testing.assert_allclose(torque[1] - torque[0], np.stack([0 * rotor, rotor], 1), atol=1e-9)
 
 
 def test_set_points_of_coupled_motors(wrist):

@@ -39,19 +39,22 @@ def pinocchio_torque(robot, q, v, vd):
 
 
 @MANY
-@given(moving())
+@given(st.booleans().flatmap(lambda coupled: moving(coupled=coupled)))
 @example((load_robot(), *np.random.default_rng(1).uniform(-3, 3, (3, 5, 4))))
 def test_torque_groups_add_up_to_pinocchios_inverse_dynamics(case):
     robot, q, v, vd = case
     groups = torque_groups(robot, q, v, vd)
-    links = [pinocchio_torque(robot, *sample) for sample in zip(q, v, vd, strict=True)]
-    close = {"rtol": 0, "atol": 1e-9 * np.abs(links).max() + 1e-9}
-    np.testing.assert_allclose(groups.total, links + robot.damping * v, **close)
+    links = np.array([pinocchio_torque(robot, *sample) for sample in zip(q, v, vd, strict=True)])
+    # Rotors turn at C v: their energy is (C v)' I_m (C v) / 2, their torque C' I_m C vd.
+    rotors = (vd @ robot.coupling.T * robot.rotor_inertia) @ robot.coupling
+    whole = links + rotors + robot.damping * v
+    close = {"rtol": 0, "atol": 1e-9 * np.abs(whole).max() + 1e-9}
+    np.testing.assert_allclose(inverse_dynamics(robot, q, v, vd), whole, **close)
+    own = robot.reflected_inertia * vd  # all rotors that turn with a joint, by this joint alone
+    np.testing.assert_allclose(groups.total + own, whole, **close)
     for i in range(len(q)):
         sample = torque_groups(robot, q[i].tolist(), v[i], vd[i])
         np.testing.assert_array_equal(sample.total, groups.total[i])
-    whole = groups.total + robot.reflected_inertia * vd
-    np.testing.assert_allclose(inverse_dynamics(robot, q, v, vd), whole, **close)
 
 
 @MANY
@@ -67,7 +70,10 @@ def test_sides_of_the_gears(robot, rng):
     assert robot.is_coupled == (robot.n > 1) == bool(robot.accepted)
     r, reflected = robot.gear_ratio, robot.reflected_inertia
     np.testing.assert_allclose(robot.motor_torque_limit * r, robot.effort_limit)
-    np.testing.assert_allclose(reflected, r**2 * robot.rotor_inertia)
+    np.testing.assert_allclose(robot.gear_speed(v), motors / r)
+    np.testing.assert_allclose(robot.gear_torque(joints), torque * r, rtol=1e-6)
+    whole = robot.coupling.T @ np.diag(robot.rotor_inertia) @ robot.coupling
+    np.testing.assert_allclose(np.diag(reflected) + robot.shared_inertia, whole, atol=1e-12)
     np.testing.assert_allclose(r**2 * effective_inertia(robot, v**2), v**2 + reflected)
 
 
@@ -159,4 +165,4 @@ def test_the_text_of_a_robot_is_that_robot(robot):
     plant = same.plant  # its actuators are in the order of the joints
     motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     assert [motor.joint().name() for motor in motors] == [*robot.joint_names]
-    assert [motor.default_rotor_inertia() for motor in motors] == [*robot.rotor_inertia]
+    assert [motor.default_rotor_inertia() for motor in motors] == [*robot.motor_inertia]

@@ -67,7 +67,7 @@ def demand(design: Design) -> Array:
     and the linear models of learning do not hold.
     """
     motion, robot = design.wanted, design.robot
-    torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
+    torque = robot.gear_torque(inverse_dynamics(robot, motion.q, motion.v, motion.vd))
     if design.friction is not None:
         torque = torque + sliding_friction(design.friction, motion.v)
     load = design.scenario.disturbance.amplitude * design.loads.load_torque * robot.gear_ratio
@@ -201,7 +201,7 @@ def _feedforward(design: Design, sample: int) -> Array:
         return np.zeros((n, 3 * n))
     context = model.plant.CreateDefaultContext()
     model.plant.SetPositions(context, q)
-    inertia = model.plant.CalcMassMatrix(context)  # with the rotors'
+    inertia = model.mass_matrix(context)
     if kind == "ctc":
         inertia = inertia - np.diag(inertia.diagonal())
     torque = np.hstack([gravity_stiffness(model, q), np.zeros((n, n)), inertia])
