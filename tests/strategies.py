@@ -83,7 +83,7 @@ def profiles(draw, robot: Robot, *, duration: float = 3.0) -> MotionProfile:
             [Turn(by_deg=15 * a, duration=1, blend=blend)],
             [Turn(to_deg=20 * a, duration=1.0, blend=blend)],
             [Ramp(to_deg_s=40 * a, duration=0.5, blend=blend), Hold(duration=0.3),
-             Ramp(to_deg_s=0, acceleration_deg_s2=120 + 60 * b, blend=blend)],
+             Ramp(to_deg_s=0, acceleration_deg_s2=180 + 60 * b, blend=blend)],
             [Oscillation(amplitude=0.05 * a, period=0.8 + 0.3 * b, fade=0.3, end=1)],
             [Fourier(period=1, sine=[0.04 * a, -0.02 * a], cosine=[0.04 * b, 0.02 * c], end=1)],
         ]  # fmt: skip

@@ -108,7 +108,7 @@ def _middle(robot: Robot) -> tuple[Array, Array]:
 def _gravity(robot: Robot, q: Array) -> Array:
     """Return the share of each torque limit that gravity takes at rest [-], shape (n,)."""
     rest = np.zeros(robot.n)
-    held = robot.motor_torque(torque_groups(robot, q, rest, rest).gravity) * robot.gear_ratio
+    held = robot.gear_torque(torque_groups(robot, q, rest, rest).gravity)
     share: Array = np.abs(held) / robot.effort_limit
     return share
 

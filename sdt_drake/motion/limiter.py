@@ -39,12 +39,15 @@ def plan_motion(
 ) -> Plan:
     """Plan a motion in which a joint beyond its limits accelerates less and catches up later.
 
-    Limits are those of torque and acceleration. The limiter looks one period ahead, so coupling
-    torques may overpower a motor before the speeds come down. A motion is refused in two cases:
+    Limits are those of the motors' torque and of acceleration. A motor that turns with two joints
+    and is too weak holds back both. The limiter looks one period ahead, so coupling
+    torques may overpower a motor before the speeds come down. A motion is refused in three cases:
 
     - A joint is driven away from its command with its motor at full torque, by more than 1 % of the
       range of its commanded speeds plus 1e-3 rad/s.
     - A joint is not back on its command at the end.
+    - A motor that turns with two joints is too weak, and one of them would exceed its acceleration
+      limit where the motor holds back the other.
 
     Args:
         robot: robot with its limits.
@@ -78,6 +81,7 @@ def _limited_speeds(
     period, command = commanded.period, commanded.v
     largest = robot.acceleration_limit + ACCELERATION_TOLERANCE / 2
     guard = _LostMotionGuard(robot, commanded)
+    to_joints = np.linalg.inv(robot.gear_coupling)  # speeds of gears to those of joints
     limited = np.zeros(command.shape, dtype=bool)
     speeds = command.copy()
     q, v = commanded.q[0], command[0]
@@ -90,7 +94,7 @@ def _limited_speeds(
                 ahead = slice(i, min(i + look, last))
                 shifted = q + (commanded.q[ahead] - commanded.q[i])
                 vd = commanded.vd[ahead]
-                torque = inverse_dynamics(robot, shifted, command[ahead], vd)
+                torque = robot.gear_torque(inverse_dynamics(robot, shifted, command[ahead], vd))
                 low, high = robot.torque_range(command[ahead], torque_margin)
                 off = (torque < low) | (torque > high) | (np.abs(vd) > largest)
                 beyond = off.any(axis=1)
@@ -104,17 +108,21 @@ def _limited_speeds(
             target = np.clip(commanded_vd, -largest, largest)
             plant.SetPositions(context, q)
             plant.SetVelocities(context, v)
-            M = plant.CalcMassMatrix(context)  # with rotor inertia
-            bias = (
+            # At the outputs of the gears, where the limits are: each motor has one of its own.
+            M = to_joints.T @ robot.mass_matrix(context) @ to_joints
+            bias = to_joints.T @ (
                 plant.CalcBiasTerm(context)
                 + robot.damping * v
                 - plant.CalcGravityGeneralizedForces(context)
             )
             available = robot.torque_range(v, torque_margin)
-            vd = limit_accelerations(M, bias, target, *available)
+            wanted = robot.gear_speed(target)
+            x = limit_accelerations(M, bias, wanted, *available)
+            held = (to_joints[:, x != wanted] != 0).any(axis=1)
+            vd = np.where(held, to_joints @ x, target)
             limited[i] = vd != commanded_vd
             v_next = np.where(limited[i], v + vd * period, command[i + 1])
-            guard.check(i, target, vd, M @ vd + bias + M.diagonal() * (target - vd), available)
+            guard.check(i, wanted, x, M @ x + bias + M.diagonal() * (wanted - x), available)
             q = q + (v + v_next) * (period / 2)
             i, v = i + 1, v_next
             speeds[i] = v
@@ -127,7 +135,8 @@ def limit_accelerations(
 ) -> Array:
     """Return the accelerations nearest to `target` with lowest <= M vd + bias <= highest.
 
-    Each joint reaches its target, or its motor is at its torque limit. The sweeps move one joint
+    All quantities belong to the outputs of the gears: to the joints, unless a motor turns with two.
+    Each output reaches its target, or its motor is at its torque limit. The sweeps move one joint
     at a time, from tip to base, as close to its target as its limits allow. They stop when the set
     of motors at their limit is found; linear equations then give the accelerations. The sweeps are
     coordinate descent on
@@ -138,10 +147,10 @@ def limit_accelerations(
     M is positive definite, so this is strictly convex: there is one solution, and they reach it.
 
     Args:
-        M: mass matrix with rotor inertia, joint side [kg m²], shape (n, n).
-        bias: joint torques at zero acceleration [N m], shape (n,).
+        M: mass matrix with rotor inertia [kg m²], shape (n, n).
+        bias: torques at zero acceleration [N m], shape (n,).
         target: accelerations [rad/s²], shape (n,).
-        lowest, highest: available joint torques [N m], shape (n,).
+        lowest, highest: available torques [N m], shape (n,).
 
     >>> M, limit = np.diag([2.0, 1.0]), np.array([3.0, 3.0])
     >>> limit_accelerations(M, np.zeros(2), np.array([5.0, 1.0]), -limit, limit)
@@ -188,7 +197,8 @@ class _LostMotionGuard:
 
     def __init__(self, robot: Robot, commanded: Motion) -> None:
         self._robot, self._commanded = robot, commanded
-        self._max_slip = _MAX_SLIP_SHARE * np.ptp(commanded.v, axis=0) + _MAX_SLIP_SPEED
+        range_ = np.ptp(robot.gear_speed(commanded.v), axis=0)
+        self._max_slip = _MAX_SLIP_SHARE * range_ + _MAX_SLIP_SPEED
         self._slip = np.zeros(robot.n)
         self._onset = np.full(robot.n, -1)
         self._needed = np.zeros(robot.n)
@@ -223,7 +233,7 @@ class _LostMotionGuard:
 
     def check_end(self, v: Array) -> None:
         """Refuse a joint that is not back on its command at the end."""
-        commanded = self._commanded.v[-1]
+        v, commanded = map(self._robot.gear_speed, (v, self._commanded.v[-1]))
         off = np.abs(v - commanded) > SPEED_TOLERANCE
         if off.any():
             k = int(np.argmax(off))

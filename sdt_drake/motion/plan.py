@@ -82,8 +82,8 @@ class Plan(Shown):
         return face().plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
 
     def peak_use(self, robot: Robot) -> Array:
-        """Return the largest |torque| over the torque limit of each joint [-], shape (n,)."""
-        return np.max(np.abs(self.torque), axis=0) / robot.effort_limit
+        """Return the largest share of each motor's torque limit [-], shape (n,)."""
+        return np.max(np.abs(robot.gear_torque(self.torque)), axis=0) / robot.effort_limit
 
 
 def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
@@ -165,11 +165,12 @@ def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) 
             position is beyond its limit, with joint, time, needed and available value.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-    needed, _ = _of_motors(robot, torque, motion.v)
+    at_gears = robot.gear_torque(torque)
     check_no_load_speed(robot, motion)
     v_max, vd_max = robot.velocity_limit, robot.acceleration_limit
+    torque_name = "torque at its motor's gear [N m]" if robot.is_coupled else "torque [N m]"
     for quantity, values, limits, slack in (
-        ("torque [N m]", needed, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
+        (torque_name, at_gears, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
         ("speed [rad/s]", motion.v, (-v_max, v_max), SPEED_TOLERANCE),
         ("acceleration [rad/s²]", motion.vd, (-vd_max, vd_max), ACCELERATION_TOLERANCE),
     ):
@@ -198,20 +199,9 @@ def checked_plan(
 def check_no_load_speed(robot: Robot, motion: Motion) -> None:
     """Raise InputError with joint and time if a motor exceeds its no-load speed."""
     if robot.envelope is not None:
-        limit = robot.envelope.n0 / robot.gear_ratio
+        limit, v = robot.gear_speed_limit, robot.gear_speed(motion.v)
         why = f", the no-load speed (n0) by {robot.envelope.source}"
-        _, v = _of_motors(robot, motion.v, motion.v)
         _refuse_beyond(robot, motion, "speed [rad/s]", v, (-limit, limit), SPEED_TOLERANCE, why)
-
-
-def _of_motors(robot: Robot, torque: Array, v: Array) -> tuple[Array, Array]:
-    """Return torques and speeds of the motors, scaled to the joint side by their gear ratios.
-
-    They equal those of the joints unless motors turn with further joints.
-    """
-    if not robot.is_coupled:
-        return torque, v
-    return robot.motor_torque(torque) * robot.gear_ratio, robot.of_motors(v) / robot.gear_ratio
 
 
 def check_stops(robot: Robot, motion: Motion) -> None:
@@ -277,12 +267,16 @@ class Tightest:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """The margins of a motion to the limits of a robot, joint side."""
+    """The margins of a motion to the limits of a robot, joint side.
+
+    Torques are those at the outputs of the motors' gears. They are the joints' torques unless a
+    motor turns with two joints.
+    """
 
     time: Array
     """Times of the samples [s], shape (N + 1,)."""
     torque: Array
-    """Joint torque with rotor inertia at the samples [N m], shape (N + 1, n)."""
+    """Torque with rotor inertia at the samples [N m], shape (N + 1, n)."""
     lowest: Array
     """Lowest available torque at the speed of each sample [N m], shape (N + 1, n)."""
     highest: Array
@@ -335,14 +329,12 @@ def margins(robot: Robot, motion: Motion) -> Margins:
     >>> place.joint, place.quantity, place.time, round(place.left, 3)
     (1, 'torque', 9.0, 0.072)
     """
-    torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-    limit = np.broadcast_to(robot.effort_limit, torque.shape)
+    torque = robot.gear_torque(inverse_dynamics(robot, motion.q, motion.v, motion.vd))
     lowest, highest = robot.torque_range(motion.v)
-    signed, v = _of_motors(robot, torque, motion.v)
-    needed = np.abs(signed)
-    share = {"torque": needed / limit}
+    needed = np.abs(torque)
+    share = {"torque": needed / robot.effort_limit}
     if robot.envelope is not None and robot.envelope.limits:
-        available = np.where(signed > 0, highest, -lowest)
+        available = np.where(torque > 0, highest, -lowest)
         # No torque is available at n0: the share of any needed torque is infinite.
         share["torque at speed"] = np.divide(
             needed,
@@ -350,12 +342,10 @@ def margins(robot: Robot, motion: Motion) -> Margins:
             out=np.where(needed <= TORQUE_TOLERANCE, 0.0, np.inf),
             where=available > 0,
         )
-    for quantity, values, limit in (
-        ("speed", v, robot.top_speed),
-        ("acceleration", motion.vd, robot.acceleration_limit),
-    ):
-        if np.isfinite(limit).any():
-            share[quantity] = np.abs(values) / limit
+    if np.isfinite(robot.top_speed).any():
+        share["speed"] = robot.speed_share(motion.v)
+    if np.isfinite(robot.acceleration_limit).any():
+        share["acceleration"] = np.abs(motion.vd) / robot.acceleration_limit
     lower, upper = robot.position_lower, robot.position_upper
     if np.isfinite([lower, upper]).any():
         share["position"] = _position_share(motion.q, lower, upper)
@@ -385,4 +375,5 @@ def _growth(robot: Robot, motion: Motion, torque: Array) -> Array:
     """Return the growth of the peak |torque| between samples [N m], shape (n,)."""
     # Angles and speeds change little and monotonically: the end of each period is checked.
     end = inverse_dynamics(robot, motion.q[1:], motion.v[1:], motion.vd[:-1])
+    end = robot.gear_torque(end)
     return np.maximum(np.abs(end).max(axis=0) - np.abs(torque).max(axis=0), 0)

@@ -34,9 +34,9 @@ _MAX_SLOWDOWN = 100  # longest duration over the commanded one [-]
 _FRICTION_TOLERANCE = 1e-3  # change of s' between passes with viscous friction [-]
 _MIN_FRICTION_SPEED = 1e-3  # smallest s' in the linearised viscous friction [-]
 _FULL_SPEED = 1 - 1e-6  # path speed at which a motion is not held back [-]
-# Tolerances of the limits: torque down and up, speed, acceleration.
+# Tolerances of the limits: torque down and up, speed of gears and joints, acceleration.
 _TOLERANCES = np.array(
-    [[TORQUE_TOLERANCE], [TORQUE_TOLERANCE], [SPEED_TOLERANCE], [ACCELERATION_TOLERANCE]]
+    [*[[TORQUE_TOLERANCE]] * 2, *[[SPEED_TOLERANCE]] * 2, [ACCELERATION_TOLERANCE]]
 )
 
 
@@ -83,7 +83,8 @@ def retime(
     commanded = commanded_motion(robot, command, period)
     check_stops(robot, commanded)
     torque = torque_margin * robot.effort_limit
-    limits = np.array([torque, torque, robot.top_speed, robot.acceleration_limit])
+    speeds = robot.gear_speed_limit, robot.velocity_limit
+    limits = np.array([torque, torque, *speeds, robot.acceleration_limit])
     if not _excess(robot, commanded, torque_margin).any():
         return checked_plan(robot, commanded, commanded, torque_margin)
     _check_gravity(robot, commanded, torque)
@@ -108,15 +109,18 @@ def retime(
 
 
 def _excess(robot: Robot, motion: Motion, torque_margin: float) -> Array:
-    """Return the largest excess over each limit, shape (4, n); 0 within it."""
+    """Return the largest excess over each limit, shape (5, n); 0 within it."""
     torque = np.vstack(torque_of_periods(robot, motion))
     lowest, highest = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), torque_margin)
-    speed, acceleration = (np.abs(x).max(axis=0) for x in (motion.v, motion.vd))
+    at_gears, speed, acceleration = (
+        np.abs(x).max(axis=0) for x in (robot.gear_speed(motion.v), motion.v, motion.vd)
+    )
     beyond = np.array(
         [
             (lowest - torque).max(axis=0),
             (torque - highest).max(axis=0),
-            speed - robot.top_speed,
+            at_gears - robot.gear_speed_limit,
+            speed - robot.velocity_limit,
             acceleration - robot.acceleration_limit,
         ]
     )
@@ -124,15 +128,20 @@ def _excess(robot: Robot, motion: Motion, torque_margin: float) -> Array:
 
 
 def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
-    """Return joint torques at the start and at the end of every period [N m], shape (N, n) each.
+    """Return torques at the start and at the end of every period [N m], shape (N, n) each.
 
-    Both have the acceleration of the period.
+    They are those at the outputs of the gears. Both have the acceleration of the period.
     """
     vd = motion.vd[:-1]
     return (
-        inverse_dynamics(robot, motion.q[:-1], motion.v[:-1], vd),
-        inverse_dynamics(robot, motion.q[1:], motion.v[1:], vd),
+        _at_gears(robot, motion.q[:-1], motion.v[:-1], vd),
+        _at_gears(robot, motion.q[1:], motion.v[1:], vd),
     )
+
+
+def _at_gears(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
+    """Return torques with the motors' inertia at the outputs of the gears [N m], shape (N, n)."""
+    return robot.gear_torque(inverse_dynamics(robot, q, v, vd))
 
 
 class _Path:
@@ -154,13 +163,14 @@ class _Path:
         self._grid = _grid(commanded)
         self._cell = np.diff(self._grid)
         q, self._dq, ddq = (self._q.derivative(k).vector_values(self._grid).T for k in range(3))
+        self._dq_gears = robot.gear_speed(self._dq)
         # s' is 0 at an end at rest; at an end in motion it is 1, the commanded speed.
         self._ends = [float(_moves(v)) for v in (commanded.v[0], commanded.v[-1])]
         rest = np.zeros_like(q)
-        gravity = inverse_dynamics(robot, q, rest, rest)
-        inertia = inverse_dynamics(robot, q, rest, self._dq) - gravity
-        friction = robot.damping * self._dq
-        velocity = inverse_dynamics(robot, q, self._dq, ddq) - gravity - friction
+        gravity = _at_gears(robot, q, rest, rest)
+        inertia = _at_gears(robot, q, rest, self._dq) - gravity
+        friction = robot.gear_torque(robot.damping * self._dq)
+        velocity = _at_gears(robot, q, self._dq, ddq) - gravity - friction
         of_s2, of_x, fixed, rubs = [inertia], [velocity], [gravity], [friction]
         self._more = []  # torque of the envelope's line at rest, minus the limit
         if robot.envelope is not None and robot.envelope.limits:
@@ -168,7 +178,7 @@ class _Path:
             more = np.full(robot.n, np.inf)
             self._more = [np.multiply(lost, robot.envelope.n1, out=more, where=lost > 0)]
             of_s2, of_x, fixed = 2 * of_s2, 2 * of_x, 2 * fixed
-            rubs.append(friction + lost * robot.gear_ratio * self._dq)
+            rubs.append(friction + lost * robot.gear_ratio * self._dq_gears)
         self._of_s2, self._of_x, self._friction = (
             np.hstack(x) for x in ([*of_s2, self._dq], [*of_x, ddq], [*rubs, rest])
         )
@@ -177,7 +187,7 @@ class _Path:
 
     def fastest(self, limits: Array) -> PiecewisePolynomial | None:
         """Return the fastest s(t) within the limits; None if there is none."""
-        if np.any(-limits[0] >= limits[1]) or np.any(limits[2] <= 0):
+        if np.any(-limits[0] >= limits[1]) or np.any(limits[2:4] <= 0):
             return None
         speed = np.full(self._grid.shape, np.inf)  # no friction in the first pass
         for _ in range(_MAX_PASSES if self._friction.any() else 1):
@@ -232,7 +242,7 @@ class _Path:
         at_end = self._of_s2[1:] + 2 * self._cell[:, None] * of_x[1:]
         of_s2 = np.hstack([self._of_s2[:-1], at_end])
         of_x = np.hstack([of_x[:-1], of_x[1:]])
-        down, up, speed, acceleration = limits
+        down, up, gear_speed, speed, acceleration = limits
         both = (
             np.hstack([-down, *(-down - more for more in self._more), -acceleration]),
             np.hstack([up, *(up + more for more in self._more), acceleration]),
@@ -246,7 +256,8 @@ class _Path:
         lowest, highest, ratio = (np.pad(x, ((0, 0), (0, 1))) for x in (*bounds, ratio))
         ratio[:, -1] = 0.5 / self._cell
         x = np.divide(sides, of_x, out=np.full(sides.shape, np.inf), where=alone)
-        overspeed = np.max(np.abs(self._dq[:-1]) / speed, axis=1)
+        gears, joints = np.abs(self._dq_gears[:-1]), np.abs(self._dq[:-1])
+        overspeed = np.maximum((gears / gear_speed).max(axis=1), (joints / speed).max(axis=1))
         most = np.minimum(x.max(axis=0).min(axis=1), 1 / np.maximum(overspeed, 1.0) ** 2)
         return ratio, lowest, highest, most
 
@@ -295,7 +306,7 @@ def _moves(v: Array) -> bool:
 def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
     """Refuse a path that a motor cannot hold against gravity: slowing down does not help."""
     rest = np.zeros_like(commanded.q)
-    holding = inverse_dynamics(robot, commanded.q, rest, rest)
+    holding = _at_gears(robot, commanded.q, rest, rest)
     beyond = np.abs(holding) > available + TORQUE_TOLERANCE
     for i, k in np.argwhere(beyond):
         raise InputError(

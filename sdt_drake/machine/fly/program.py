@@ -193,7 +193,7 @@ def _head(robot: Robot, q: Array, v: Array, a: Array) -> Array:
 
 def _torque_use(aim: Aim, q: Array, v: Array, a: Array) -> Array:
     """Return the torque over its usable range, from -1 to 1, shape (N, n)."""
-    torque = inverse_dynamics(aim.robot, q, v, a)
+    torque = aim.robot.gear_torque(inverse_dynamics(aim.robot, q, v, a))
     low, high = aim.robot.torque_range(v, aim.torque_share)
     low, high = low + aim.torque_less, high - aim.torque_less
     return (2 * torque - high - low) / np.maximum(high - low, 1e-9)
