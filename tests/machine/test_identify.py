@@ -1,10 +1,13 @@
 """What is identified, against a truth that is known."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of, true_robot
+from simulated_recordings import course, file_robot
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
@@ -22,9 +25,11 @@ from sdt_drake.machine.identify.model import (
 )
 from sdt_drake.machine.identify.procedure import belief, identify
 from sdt_drake.machine.identify.suspicions import weakly_excited
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
-from sdt_drake.robot.robot import load_robot
+from sdt_drake.robot.robot import edited, load_robot
 from sdt_drake.show.figures.identification import residuals_figure
 from sdt_drake.show.reports.identification import friction_notes, friction_table
 
@@ -54,6 +59,37 @@ def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, t
     expected = inverse_dynamics(true, q, v, vd)
     left = np.std(inverse_dynamics(again, q, v, vd) - expected, axis=0)
     assert np.all(left < 0.01 * np.std(expected, axis=0))
+
+
+def test_rotors_and_friction_of_motors_that_turn_together():
+    """Motor 3 turns at 80 (v_3 + 0.8 v_2). Its rotor is heavier than the file says; motors rub."""
+    arm, ratio = file_robot("arm3"), np.array([100.0, 120.0, 80.0])
+    coupling = np.diag(ratio)
+    coupling[2, 1] = 64.0
+
+    def couple(root):
+        joint = root.find(f".//joint[@name='{arm.joint_names[2]}']")
+        ET.SubElement(joint, TURNS_WITH, joint=arm.joint_names[1]).text = "64"
+
+    robot = edited(arm, couple)
+    time, q, v, vd = course(arm, np.random.default_rng(3), 40.0, 200.0)
+    rotors, coulomb, viscous = (
+        arm.rotor_inertia * [1, 1, 1.5],
+        [0.08, 0.07, 0.05],
+        [1e-3, 8e-4, 6e-4],
+    )
+    links = inverse_dynamics(arm, q, v, vd) - arm.reflected_inertia * vd
+    speed = v @ coupling.T
+    motors = vd @ coupling.T * rotors + coulomb * np.tanh(speed / 0.1) + viscous * speed
+    found = identify(
+        robot, [Recorded(Path("own.csv"), time, {"q": q, "tau": links + motors @ coupling})]
+    )
+    assert np.all(found.left(found.predicted, held_out=True) < 0.02)
+    assert not any("joint" in warning for warning in found.warnings)
+    np.testing.assert_allclose(identified_robot(found).rotor_inertia, rotors, rtol=0.05)
+    friction = plant_friction(found).friction
+    np.testing.assert_allclose(friction.coulomb, ratio * coulomb, rtol=0.05)
+    np.testing.assert_allclose(friction.viscous, ratio**2 * viscous, rtol=0.05)
 
 
 def test_links_stay_where_the_data_say_nothing(robot):

@@ -25,10 +25,12 @@ from sdt_drake.robot.dynamics import inverse_dynamics
 
 
 @settings(max_examples=20)
-@given(moving(20))
+@given(st.booleans().flatmap(lambda coupled: moving(20, coupled=coupled)))
 def test_regressor_times_parameters_is_drakes_torque(drawn):
+    """At the gears, where each motor adds the inertia of its own rotor alone."""
     robot, q, v, vd = drawn
     expected = inverse_dynamics(robot, q, v, vd) - robot.damping * v
+    expected = robot.motor_torque(expected) * robot.gear_ratio
     torque = rigid_columns(robot, q, v, vd) @ rigid_parameters(robot)
     assert np.all(np.abs(torque - expected) <= 1e-9 * np.abs(expected).max())
 

@@ -298,9 +298,9 @@ class _Judge:
         Y = self.columns if is_plain else rigid_columns(self.robot, q, v, vd, reading.gravity)
         tau, counts = reading.sign * rows.tau[:, order], rows.moves[:, order]
         counts = counts & rows.moves[:, places]
-        made = []
+        speed, made = self.robot.gear_speed(v), []
         for k in range(len(order)):
-            x = v[:, k] / max(float(np.abs(v[:, k]).max()), 1e-12)
+            x = speed[:, k] / max(float(np.abs(speed[:, k]).max()), 1e-12)
             own = np.column_stack([np.ones_like(x), x, *(np.tanh(x / w) for w in _WIDTHS)])
             both = counts[:, k, None] * np.column_stack([Y[:, k], tau[:, k]])
             Q, _ = np.linalg.qr(counts[:, k, None] * own)

@@ -63,13 +63,17 @@ class BaseParameters:
 def rigid_columns(
     robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None = None
 ) -> Array:
-    """Return the columns of the torques of links and motors, joint side, shape (N, n, 11 n).
+    """Return the columns of the torques at the outputs of the gears, shape (N, n, 11 n).
 
-    The first 10 n columns are those of `regressor`, with its arguments. The last n belong to the
-    reflected inertias r² I_m of the motors. See `rigid_names` and `rigid_parameters`.
+    They are torques of the joints unless a motor turns with two. The first 10 n columns belong to
+    the links, see `regressor` with its arguments. The last n belong to the reflected inertias
+    r² I_m of the motors, each at its own gear. See `rigid_names` and `rigid_parameters`.
     """
-    motors = vd[:, :, None] * np.eye(robot.n)
-    return np.concatenate([regressor(robot, q, v, vd, gravity), motors], axis=2)
+    links = regressor(robot, q, v, vd, gravity)
+    if robot.is_coupled:
+        links = robot.gear_torque(links.swapaxes(1, 2)).swapaxes(1, 2)
+    motors = robot.gear_speed(vd)[:, :, None] * np.eye(robot.n)
+    return np.concatenate([links, motors], axis=2)
 
 
 def rigid_names(robot: Robot) -> tuple[str, ...]:
@@ -80,7 +84,12 @@ def rigid_names(robot: Robot) -> tuple[str, ...]:
 
 def rigid_parameters(robot: Robot) -> Array:
     """Return the parameters of the robot's file in the order of `rigid_columns`, shape (11 n,)."""
-    return np.concatenate([Bodies.of(robot).parameters.ravel(), robot.reflected_inertia])
+    return np.concatenate([Bodies.of(robot).parameters.ravel(), motor_parameters(robot)])
+
+
+def motor_parameters(robot: Robot) -> Array:
+    """Return the reflected inertia r² I_m of each motor at its gear [kg m²], shape (n,)."""
+    return robot.gear_ratio**2 * robot.rotor_inertia
 
 
 @dataclass(frozen=True, eq=False)

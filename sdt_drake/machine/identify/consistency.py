@@ -32,7 +32,7 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.identify.base_parameters import Unknown
+from sdt_drake.machine.identify.base_parameters import Unknown, motor_parameters
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
@@ -128,12 +128,12 @@ def nearest_consistent(
     links = [link for link in every if link.name in free and link.pseudo[3, 3] > 0]
     is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
     if not (links or is_free.any()):
-        return Consistent([], [], robot.reflected_inertia, beta)
+        return Consistent([], [], motor_parameters(robot), beta)
     fixed = np.zeros(11 * robot.n)
     for link in every:
         if link not in links:
             fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
-    fixed[10 * robot.n :] = np.where(is_free, 0.0, robot.reflected_inertia)
+    fixed[10 * robot.n :] = np.where(is_free, 0.0, motor_parameters(robot))
     space = _Space(robot, unknown, links, is_free, fixed)
     best = unknown.base.combination @ space.explaining(beta, misfit)[unknown.columns]
     x, phi = space.nearest(best, covariance)
@@ -246,7 +246,7 @@ def _add_motors(
     scale = motor_scale(robot)
     motors = program.NewContinuousVariables(int(is_free.sum()))
     program.AddBoundingBoxConstraint(_MIN_MOTOR, np.inf, motors)
-    was = (robot.reflected_inertia / scale)[is_free]
+    was = (motor_parameters(robot) / scale)[is_free]
     if near:
         program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
     effect = np.vstack([np.zeros((10 * robot.n, robot.n)), np.diag(scale)])
@@ -272,7 +272,7 @@ def motor_scale(robot: Robot) -> Array:
     It is that of the file. Where the file has none, it is the inertia that the largest torque
     accelerates at `_MOTOR_ACCELERATION`.
     """
-    given = robot.reflected_inertia
+    given = motor_parameters(robot)
     return np.asarray(np.where(given > 0, given, robot.effort_limit / _MOTOR_ACCELERATION))
 
 

@@ -108,7 +108,7 @@ def highest(stretches: Sequence[Stretch]) -> float:
 def _spectra(robot: Robot, unknown: Unknown, stretches: Sequence[Stretch], top: float) -> _Spectra:
     """Return the spectra of stretches, for cut-offs up to `top` [Hz]."""
     motions = [smooth(one, top) for one in stretches]
-    slowest, fastest = slowest_and_fastest(motions, top)
+    slowest, fastest = slowest_and_fastest(robot, motions, top)
     lasts = min(_MAX_WINDOW, max(len(m.time) * m.period for m in motions) / _WINDOWS)
     counts = [round(lasts / motion.period) for motion in motions]
     below = min(2 + int(_STOP_BAND * top * lasts), *(1 + count // 2 for count in counts))
@@ -127,11 +127,11 @@ def _columns(
     robot: Robot, unknown: Unknown, motion: Smooth, part: slice, slowest: Array, fastest: Array
 ) -> Array:
     """Return the columns [rigid, friction, torque] of some samples, shape (n, N, columns)."""
-    v = motion.v[part]
-    rigid = rigid_columns(robot, motion.q[part], v, motion.vd[part])
+    rigid = rigid_columns(robot, motion.q[part], motion.v[part], motion.vd[part])
+    v, tau = robot.gear_speed(motion.v[part]), robot.gear_torque(motion.tau[part])
     is_known = np.ones(rigid.shape[2], dtype=bool)
     is_known[unknown.columns] = False
-    left = motion.tau[part] - rigid[:, :, is_known] @ rigid_parameters(robot)[is_known]
+    left = tau - rigid[:, :, is_known] @ rigid_parameters(robot)[is_known]
     sigmoids = [np.tanh(v / width) for width in (slowest, *np.outer(_WIDTHS, fastest))]
     friction = np.stack([v, np.ones_like(v), *sigmoids], axis=2)
     every = np.concatenate([rigid[:, :, unknown.independent], friction, left[:, :, None]], axis=2)

@@ -30,9 +30,10 @@ _SLIDING_SPEED = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equations tau = known + rigid beta + friction below a cut-off frequency, joint side.
+    """The equations tau = known + rigid beta + friction below a cut-off frequency.
 
-    There are M rows for each of n joints.
+    There are M rows for each of n motors. Torques are those at the outputs of their gears, where
+    friction acts: torques of the joints unless a motor turns with two.
     """
 
     time: Array
@@ -44,7 +45,9 @@ class Equations:
     q: Array
     v: Array
     vd: Array
-    """`q`, `v`, `vd`: position, speed, acceleration [rad, rad/s, rad/s²], shape (M, n)."""
+    """`q`, `v`, `vd`: joint position, speed, acceleration [rad, rad/s, rad/s²], shape (M, n)."""
+    turns: Array
+    """`Robot.gear_coupling` [-], shape (n, n)."""
     tau: Array
     """Measured torque [N m], shape (M, n)."""
     known: Array
@@ -58,7 +61,7 @@ class Equations:
     friction: Array
     """Columns of the friction terms, shape (M, n, terms)."""
     moves: Mask
-    """Mask of joints in motion, shape (M, n). Friction is undetermined at rest."""
+    """Mask of motors in motion, shape (M, n). Friction is undetermined at rest."""
     fit: Mask
     """Mask of fitted rows; the others are held out, shape (M,)."""
 
@@ -66,6 +69,16 @@ class Equations:
     def n(self) -> int:
         """Number of joints."""
         return self.tau.shape[1]
+
+    @cached_property
+    def angle(self) -> Array:
+        """Positions of the outputs of the gears [rad], shape (M, n); see `turns`."""
+        return self.q @ self.turns.T
+
+    @cached_property
+    def speed(self) -> Array:
+        """Speeds of the outputs of the gears [rad/s], shape (M, n)."""
+        return self.v @ self.turns.T
 
     @cached_property
     def terms(self) -> list[tuple[Term, ...]]:
@@ -100,7 +113,7 @@ def equations(
         candidates: Function from a joint's largest speed [rad/s] to its candidate friction laws.
     """
     motions = [smooth(stretch, cutoff) for *_, stretch in parts]
-    slowest, fastest = slowest_and_fastest(motions, cutoff)
+    slowest, fastest = slowest_and_fastest(robot, motions, cutoff)
     tried = tuple(candidates(speed) for speed in fastest)
     terms = tuple(map(terms_of, tried))
     rows = [
@@ -118,20 +131,25 @@ def equations(
         source=np.repeat([source for source, *_ in parts], counts),
         part=np.repeat(np.arange(len(parts)), counts),
         laws=tried,
+        turns=robot.gear_coupling,
         fit=columns["time"] < held_from,
         **columns,
     )
 
 
-def slowest_and_fastest(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
-    """Return the smallest speed with a sure sign and the largest speed of each joint [rad/s].
+def slowest_and_fastest(
+    robot: Robot, motions: Sequence[Smooth], cutoff: float
+) -> tuple[Array, Array]:
+    """Return the smallest speed with a sure sign and the largest speed of each gear [rad/s].
 
-    The former is inf for a joint at rest, whose speeds are more noise than motion.
+    The former is inf for a gear at rest, whose speeds are more noise than motion.
     """
-    fastest = np.max([np.abs(m.v).max(axis=0) for m in motions], axis=0) + 1e-6
-    below = [zero_phase_low_pass(m.v, 2 * cutoff, m.period) for m in motions]
+    speeds = [robot.gear_speed(m.v) for m in motions]
+    fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0) + 1e-6
+    periods = [m.period for m in motions]
+    below = [zero_phase_low_pass(v, 2 * cutoff, h) for v, h in zip(speeds, periods, strict=True)]
     motion = np.max([np.std(v, axis=0) for v in below], axis=0)
-    noise = np.max([np.std(m.v - v, axis=0) for m, v in zip(motions, below, strict=True)], axis=0)
+    noise = np.max([np.std(v - x, axis=0) for v, x in zip(speeds, below, strict=True)], axis=0)
     slowest = np.maximum(noise, _SLIDING_SPEED * fastest) + 1e-9
     return np.where(noise > motion, np.inf, slowest), fastest
 
@@ -168,20 +186,21 @@ def _rows(
     parameters = rigid_parameters(robot)
     is_known = np.ones(len(parameters), dtype=bool)
     is_known[unknown.columns] = False
+    speed = robot.gear_speed(motion.v)
     friction = [
-        np.column_stack([term.at(v, slow) for term in of_joint])
-        for v, slow, of_joint in zip(motion.v.T, slowest, terms, strict=True)
+        np.column_stack([term.at(v, slow) for term in of_motor])
+        for v, slow, of_motor in zip(speed.T, slowest, terms, strict=True)
     ]
     whole = {
         "q": motion.q,
         "v": motion.v,
         "vd": motion.vd,
-        "tau": motion.tau,
+        "tau": robot.gear_torque(motion.tau),
         "known": columns[:, :, is_known] @ parameters[is_known],
-        "nominal": columns @ parameters + robot.damping * motion.v,
+        "nominal": columns @ parameters + robot.gear_torque(robot.damping * motion.v),
         "rigid": columns[:, :, unknown.independent],
         "friction": np.stack(friction, axis=1),
-        "moves": (np.abs(motion.v) > slowest).astype(float),
+        "moves": (np.abs(speed) > slowest).astype(float),
     }
     few = {  # one joint at a time, and copies, so that no large array stays in memory
         name: np.stack(

@@ -130,14 +130,15 @@ def _slower(robot: Robot, motion: Smooth) -> tuple[float, Array]:
     Then speeds are v / s. Torques are those at standstill plus the rest over s².
 
     Returns:
-        The factor, and the largest torque at standstill, joint side [N m], shape (n,).
+        The factor, and the largest torque at standstill, at the gears [N m], shape (n,).
     """
     rest = np.zeros_like(motion.q)
-    standing = inverse_dynamics(robot, motion.q, rest, rest)
-    moving = inverse_dynamics(robot, motion.q, motion.v, motion.vd) - standing
+    standing = robot.gear_torque(inverse_dynamics(robot, motion.q, rest, rest))
+    whole = robot.gear_torque(inverse_dynamics(robot, motion.q, motion.v, motion.vd))
+    moving = whole - standing
     left = robot.effort_limit - np.sign(moving) * standing
     uses = [
-        (np.abs(motion.v) / robot.top_speed) ** 2,
+        robot.speed_share(motion.v) ** 2,
         np.abs(motion.vd) / robot.acceleration_limit,
         np.abs(moving) / np.maximum(left, 1e-9),
     ]

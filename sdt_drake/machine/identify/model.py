@@ -14,6 +14,7 @@ from scipy.optimize import nnls
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import write_text
+from sdt_drake.machine.identify.base_parameters import motor_parameters
 from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.friction import Term
 from sdt_drake.machine.identify.procedure import Identified
@@ -61,9 +62,10 @@ def _put(found: Identified, root: ET.Element) -> None:
     for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
         set_inertia(elements[link.name], *link.inertial(pseudo))
     robot, motors = found.nominal, found.consistent.motors
+    before = motor_parameters(robot)
     joints = {joint.get("name"): joint for joint in root.iter("joint")}
     for k, name in enumerate(robot.joint_names):
-        if motors[k] != robot.reflected_inertia[k]:
+        if motors[k] != before[k]:
             rotor = joints[name].find(f"{DRAKE}rotor_inertia")
             if rotor is None:
                 rotor = ET.SubElement(joints[name], f"{DRAKE}rotor_inertia")
@@ -131,7 +133,8 @@ def plant_friction(found: Identified) -> PlantFriction:
     robot, estimate = found.nominal, found.estimate
     r = len(estimate.beta)
     covariance = estimate.covariance[r:, r:]
-    speeds = [_speeds(found.equations.v[found.equations.moves[:, k], k]) for k in range(robot.n)]
+    moves, speed = found.equations.moves, found.equations.speed
+    speeds = [_speeds(speed[moves[:, k], k]) for k in range(robot.n)]
     parts = [estimate.friction_of(k) for k in range(robot.n)]
     odd, even = (
         [_half(law.terms, v, sign) for law, v in zip(estimate.laws, speeds, strict=True)]

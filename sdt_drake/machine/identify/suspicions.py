@@ -116,7 +116,7 @@ def worse_held_out(robot: Robot, eq: Equations, predicted: Array) -> Iterator[st
     rows = np.flatnonzero(~eq.fit)
     columns = rigid_columns(robot, eq.q[rows], eq.v[rows], eq.vd[rows])
     payload = columns[:, :, 10 * (eq.n - 1) : 10 * eq.n]
-    v = eq.v[rows] / np.maximum(np.abs(eq.v).max(axis=0), 1e-12)
+    v = eq.speed[rows] / np.maximum(np.abs(eq.speed).max(axis=0), 1e-12)
     own = np.stack([np.ones_like(v), v, np.tanh(v / _SIGN_WIDTH)], axis=2)
     weights = [eq.moves[rows, k] / max(judged[k], 1e-300) for k in worse]
     residual = np.concatenate([w * left[rows, k] for w, k in zip(weights, worse, strict=True)])
@@ -176,7 +176,7 @@ def _driving(eq: Equations, estimate: Estimate) -> tuple[Array, Array]:
     r, drives = len(estimate.beta), np.zeros((2, eq.n))
     for k, law in enumerate(estimate.laws):
         rows, part = eq.moves[:, k] & eq.fit, estimate.friction_of(k)
-        v, tau = eq.v[rows, k], eq.tau[rows, k]
+        v, tau = eq.speed[rows, k], eq.tau[rows, k]
         terms = [eq.terms[k].index(term) for term in law.terms]
         power = v @ eq.friction[rows, k][:, terms] / max(np.sqrt(v @ v * (tau @ tau)), 1e-300)
         covariance = estimate.covariance[r:, r:][part, part]

@@ -27,7 +27,7 @@ class Target:
     friction: bool
     """True if viscous friction, Coulomb friction and an offset of each joint are unknown, too."""
     noise: Array
-    """Standard deviation of the torque in a sample, joint side [N m], shape (n,)."""
+    """Standard deviation of the torque in a sample, at the gears [N m], shape (n,)."""
 
     @staticmethod
     def everything(robot: Robot, noise: float = NOISE) -> Target:
@@ -69,15 +69,16 @@ class Target:
         """Return the columns of the unknown parameters over the noise, shape (N, n, p).
 
         Returns:
-            The columns, and the torque of the robot's file, joint side [N m], shape (N, n).
+            The columns, and the torque of the robot's file at the gears [N m], shape (N, n).
         """
         robot = self.robot
         rigid = rigid_columns(robot, q, v, vd)
-        torque = rigid @ rigid_parameters(robot) + robot.damping * v
+        torque = rigid @ rigid_parameters(robot) + robot.gear_torque(robot.damping * v)
         columns = rigid[:, :, self.unknown.independent]
         if self.friction:
             slow = _SIGN_WIDTH * np.minimum(robot.velocity_limit, MAX_SPEED)
-            own = (v, np.tanh(v / slow), np.ones_like(v))
+            speed = robot.gear_speed(v)
+            own = (speed, np.tanh(speed / slow), np.ones_like(v))
             columns = np.concatenate([columns, *(x[:, :, None] * np.eye(robot.n) for x in own)], 2)
         return columns / self.noise[:, None], torque
 

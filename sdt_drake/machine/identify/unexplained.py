@@ -172,7 +172,7 @@ class _Joint:
     def causes(self) -> dict[str, Array]:
         """Return the columns of each of CAUSES."""
         eq, k, rows = self.eq, self.k, self.rows
-        q, v, load = eq.q[rows, k], eq.v[rows, k], np.abs(eq.nominal[rows, k])
+        q, v, load = eq.q[rows, k], eq.speed[rows, k], np.abs(eq.nominal[rows, k])
         slides = np.tanh(v / max(0.05 * float(np.abs(v).max()), 1e-12))
         q = q - q.mean()
         time = (eq.time[rows] + 1e3 * eq.source[rows]) / max(float(eq.time.max()), 1e-9)
@@ -241,7 +241,7 @@ def _built_up(eq: Equations, k: int, share: float) -> Array:
 
     The angle is a share of the joint's range.
     """
-    q = eq.q[:, k]
+    q = eq.angle[:, k]
     steps = np.diff(q, prepend=q[0]) / max(share * float(np.ptp(q)), 1e-12)
     steps[np.flatnonzero(np.diff(eq.part, prepend=eq.part[0]))] = 0.0
     built, z = [], 0.0

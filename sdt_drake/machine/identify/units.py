@@ -92,7 +92,7 @@ def _slopes(eq: Equations) -> tuple[Array, Array]:
         rows = eq.moves[:, k] & eq.fit
         if rows.sum() < 10:
             continue
-        v = eq.v[rows, k] / max(float(np.abs(eq.v[rows, k]).max()), 1e-12)
+        v = eq.speed[rows, k] / max(float(np.abs(eq.speed[rows, k]).max()), 1e-12)
         known = np.column_stack([np.ones_like(v), v, np.tanh(v / 0.02), np.tanh(v / 0.1)])
         both = np.column_stack([eq.tau[rows, k], eq.nominal[rows, k]])
         Q, _ = np.linalg.qr(known)

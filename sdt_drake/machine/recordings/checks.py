@@ -199,7 +199,7 @@ def _runs(mask: Mask) -> tuple[Index, Index]:
 
 def _clipped(robot: Robot, recorded: Recorded, moves: Mask) -> Iterator[Finding]:
     """Check for torques that pile up at the end of their range, below the motor's limit."""
-    for k, column in enumerate(recorded.signals["tau"].T):
+    for k, column in enumerate(robot.gear_torque(recorded.signals["tau"]).T):
         size = np.ptp(column)
         for end, is_at in ((column.max(), "largest"), (column.min(), "smallest")):
             if abs(end) >= _NEAR_LIMIT * robot.effort_limit[k] or size == 0:
@@ -302,6 +302,7 @@ def _smoothed(values: Array, time: Array) -> Array:
 
 def _torque_limits(robot: Robot, tau: Array) -> Iterator[Finding]:
     """Check for torques beyond or at the limits of the motors."""
+    tau = robot.gear_torque(tau)
     times = np.abs(tau).max(axis=0) / robot.effort_limit
     over = np.flatnonzero(times > _FAR).tolist()
     if over:

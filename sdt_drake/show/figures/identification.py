@@ -52,8 +52,8 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
     laws, errors = [], []
     own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
     for k, name in enumerate(found.nominal.joint_names):
-        order = np.argsort(eq.v[:, k])[:: 1 + len(eq.v) // _MAX_DOTS]
-        v = eq.v[order, k]
+        order = np.argsort(eq.speed[:, k])[:: 1 + len(eq.v) // _MAX_DOTS]
+        v = eq.speed[order, k]
         left = (eq.tau - found.predicted)[order, k]
         errors.append(
             Panel(joint_title(k, name), "speed [rad/s]", "not explained\n[N m], joint side", v,

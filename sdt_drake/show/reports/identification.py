@@ -39,7 +39,8 @@ def unmeasured_share(found: Identified, robot: Robot) -> Array:
     load = decouple(groups.inertial, groups.coupled, robot.gear_ratio).load_torque
     left = (eq.tau - found.predicted)[rows]
     friction = found.estimate.friction_torque(eq, found.friction)[few]
-    size = np.sqrt(np.mean((load * robot.gear_ratio + friction) ** 2, axis=0))
+    whole = robot.gear_torque(load * robot.gear_ratio) + friction
+    size = np.sqrt(np.mean(whole**2, axis=0))
     return np.asarray(np.sqrt(2 * np.mean(left**2, axis=0)) / np.maximum(size, 1e-9))
 
 
