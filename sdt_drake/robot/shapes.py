@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
-from sdt_drake.io.resources import PACKAGE_PREFIX
+from sdt_drake.io.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import parse_xml
 
 MESHES = (".obj", ".gltf", ".vtk")
 """Suffixes of the meshes that Drake draws."""
-
-_NAMING = re.compile(r"(?:mtllib|map_|bump|disp|decal|refl)[^\r\n]*")
 
 
 def drawable(robot: Robot) -> tuple[str, list[str]]:
@@ -52,47 +54,122 @@ def _uri(mesh: ET.Element) -> str:
 
 def _placed(mesh: ET.Element, file: Path) -> str:
     """Set the absolute path of a mesh. Return why it cannot be drawn, or ""."""
-    uri, text = mesh.find("uri"), _uri(mesh)
-    if text.startswith(PACKAGE_PREFIX) and ".." not in text:
-        return ""
+    text = _uri(mesh)
     path = _found(text, file)
     if path is None:
         return f"{text} is missing"
     if path.suffix.lower() not in MESHES:
         return f"{text} has an unsupported format, expected one of {', '.join(MESHES)}"
-    if outside := _outside(path):
-        return f"{text} refers to a file outside of its folder, {outside}"
-    if uri is None:
-        mesh.set("filename", f"file://{path}")
-    else:
+    if why := _wrong_names(path, file):
+        return f"{text} {why}"
+    uris = mesh.findall("uri")
+    for uri in uris:
         uri.text = f"file://{path}"
+    if not uris or "filename" in mesh.attrib:  # a URDF, where Drake reads no other than this
+        mesh.set("filename", f"file://{path}")
     return ""
-
-
-def _outside(mesh: Path) -> str:
-    """Return a file outside of the folder above an .obj that it or its materials refer to, or "".
-
-    Drake would embed this file in the page, whatever it contains.
-    """
-    if mesh.suffix.lower() != ".obj":  # Drake itself restricts .gltf to its folder
-        return ""
-    words = _words(mesh)
-    materials = [place for word in words if (place := mesh.parent / word).is_file()]
-    words += [word for place in materials for word in _words(place)]
-    home = mesh.resolve().parent.parent
-    return next((x for x in words if not (mesh.parent / x).resolve().is_relative_to(home)), "")
-
-
-def _words(file: Path) -> list[str]:
-    """Return all words of the lines that refer to other files."""
-    return " ".join(_NAMING.findall(file.read_bytes().decode("latin-1"))).replace("\0", "").split()
 
 
 def _found(text: str, file: Path) -> Path | None:
     """Find the file of a URI. A package is a folder of its name above the robot's file."""
     kind, slashes, rest = text.rpartition("://")
     places = [file.parent / unquote(rest)]
-    if slashes and kind != "file":
+    if text.startswith(PACKAGE_PREFIX):
+        places = [models_dir() / text.removeprefix(PACKAGE_PREFIX)]
+    elif slashes and kind != "file":
         package, _, inner = unquote(rest).partition("/")
         places = [folder / package / inner for folder in file.resolve().parents]
     return next((place.resolve() for place in places if place.is_file()), None)
+
+
+# --- other files of a mesh -----------------------------------------------------------------------
+# Drake embeds them in the page, whatever they contain. A browser asks for those that Drake lacks.
+
+_MAX_NAMES = 2000
+_MATERIALS = re.compile(rb"mtllib")
+_PICTURES = re.compile(rb"map_|bump|disp|decal|refl|norm", re.IGNORECASE)
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:.", re.IGNORECASE)  # "https:"; one letter is a drive
+
+
+def _wrong_names(mesh: Path, robot: Path) -> str:
+    """Return what is wrong with the names of other files in a mesh, or "".
+
+    They may lead to the folder of the robot, to that of the mesh, and to their package.
+    """
+    homes = [robot.resolve().parent, mesh.parent]
+    homes += [package for home in tuple(homes) if (package := _package(home))]
+    seen: set[tuple[Path, str]] = set()
+    try:
+        for folder, name in _names(mesh):
+            if (folder, name) not in seen and not _stays(folder, name, homes):
+                shown = os.fsencode(name)[:100].decode("utf-8", "replace")
+                return (
+                    f"refers to {shown}, expected a file in the folder of the robot or of the "
+                    "mesh, or in their package, which has a package.xml"
+                )
+            seen.add((folder, name))
+            if len(seen) > _MAX_NAMES:
+                return f"refers to more than {_MAX_NAMES} files"
+    except (ValueError, RecursionError):
+        return "is not valid glTF"
+    return ""
+
+
+def _package(folder: Path) -> Path | None:
+    """Return the folder of the ROS package that contains a folder."""
+    above = (folder, *folder.parents)
+    return next((place for place in above if (place / "package.xml").is_file()), None)
+
+
+def _stays(folder: Path, name: str, homes: list[Path]) -> bool:
+    """Check whether a name of a file stays in some folders, as Drake or a browser reads it."""
+    browsed = re.sub(r"[\x00-\x20]", "", unquote(name)).replace("\\", "/")
+    if _ADDRESS.match(browsed):
+        return False
+    try:
+        places = [(folder / text).resolve() for text in (name, unquote(name), browsed)]
+        return all(
+            any(map(place.is_relative_to, homes))
+            and (place.is_file() or place.is_dir() or not place.exists())  # no device, no pipe
+            for place in places
+        )
+    except (OSError, RuntimeError, ValueError):  # a link to itself, a name with a zero
+        return False
+
+
+def _names(mesh: Path) -> Iterator[tuple[Path, str]]:
+    """Yield folders, and all words of a mesh and its materials that may be names of files there.
+
+    Raises:
+        ValueError: a .gltf is no JSON.
+    """
+    folder, kind = mesh.parent, mesh.suffix.lower()
+    if kind == ".gltf":
+        uris: list[str] = []
+
+        def collect(pairs: list[tuple[str, Any]]) -> None:
+            uris.extend(x for key, x in pairs if key == "uri" and isinstance(x, str))
+
+        json.loads(mesh.read_bytes().decode("utf-8-sig"), object_pairs_hook=collect)
+        yield from ((folder, uri) for uri in uris if not uri.startswith("data:"))
+    for name in _words(mesh, _MATERIALS) if kind == ".obj" else ():
+        yield folder, name  # is opened below only if the caller goes on
+        file = folder / name
+        for word in _words(file, _PICTURES) if file.is_file() else ():
+            yield from ((place, word) for place in {folder, file.parent})
+
+
+def _words(file: Path, key: re.Pattern[bytes]) -> Iterator[str]:
+    """Yield all words of the lines with a key, what follows the key, and the next word after them.
+
+    Drake's patterns accept a name on the next line, and no space after a key.
+    """
+    is_open = False
+    for line in re.split(rb"[\r\n]+", file.read_bytes()):
+        words, found = line.split(), key.search(line)
+        if found:
+            words += line[found.end() :].split(None, 1)[:1]
+        elif words:
+            words = words[:1] if is_open else []
+        yield from map(os.fsdecode, dict.fromkeys(words))
+        is_open = bool(found) or (is_open and not line.strip())

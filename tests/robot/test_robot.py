@@ -5,8 +5,6 @@ import pytest
 from robots import ARM, URDF, loaded, refused
 
 from sdt_drake.robot.motors import load_catalogue
-from sdt_drake.robot.robot import load_robot
-from sdt_drake.robot.shapes import drawable
 
 
 def test_the_shipped_device_and_its_catalogue_have_the_published_motors(robot):
@@ -112,27 +110,3 @@ BAD = [
 @pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
 def test_a_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
     refused(ARM, old, new, message)
-
-
-# --- meshes of a robot's file ----------------------------------------------------------------
-
-
-LOOKS = [
-    ("mtllib ../../secret", "", True),
-    ("v 0 0 0\r\n mtllib a.mtl\n", "newmtl a\nmap_Kd -s 1 1 1 ../../../secret\n", True),
-    ("mtllib a.mtl", "bump /etc/hosts", True),
-    ("mtllib a.mtl", "map_Kd ../textures/a.png", False),  # beside its folder
-]
-
-
-@pytest.mark.parametrize("mesh, materials, outside", LOOKS)
-def test_the_looks_of_a_mesh_are_no_other_files(tmp_path, mesh, materials, outside):
-    """They would be in a page that is handed on."""
-    link = '<link name="upper"><visual><geometry><mesh filename="a.obj"/></geometry></visual>'
-    robot = tmp_path / "description" / "arm.urdf"
-    robot.parent.mkdir()
-    robot.write_text(URDF.replace('<link name="upper">', link), encoding="utf-8")
-    robot.with_name("a.obj").write_text(mesh, encoding="utf-8")
-    robot.with_name("a.mtl").write_text(materials, encoding="utf-8")
-    told = " ".join(drawable(load_robot(robot))[1])
-    assert ("a.obj refers to a file outside of its folder" in told) == outside == bool(told)

@@ -1,0 +1,102 @@
+"""Meshes of a robot's file: which are drawn, and which files they bring."""
+
+import os
+import xml.etree.ElementTree as ET
+
+import pytest
+from robots import URDF
+
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.robot.shapes import drawable
+
+
+def gltf(text):
+    return f'{{"asset": {{"version": "2.0"}}, {text}}}'
+
+
+LIBRARY, SECRET = "mtllib a.mtl", "../secret"
+ABOVE = {"a.obj": LIBRARY, "a.mtl": "map_Kd ../textures/a.png"}
+INSIDE = [
+    {"a.obj": f"v 0 0 0\r\n {LIBRARY}", "a.mtl": "# by /usr/x\nmap_Kd -s 1 1 1 looks/a.png\n"},
+    {"a.obj": "mtllib looks/a.mtl", "looks/a.mtl": "map_Kd ./none.png\nbump b.png\nmap_d C:\\c"},
+    {"a.gltf": gltf('"images": [{"uri": "looks/a%20b.png"}], "buffers": [{"uri": "data:,/x"}]')},
+    ABOVE | {"../package.xml": ""},
+]  # fmt: skip
+"""Files in the folder of a robot, or above it, with a mesh, the first, that keeps to it."""
+OUTSIDE = [
+    (ABOVE, "../textures/a.png"),
+    ({"a.obj": f"mtllib {SECRET}"}, SECRET),
+    ({"a.obj": f"mtllib \n\n{SECRET}"}, SECRET),  # on the next line, as Drake reads it
+    ({"a.obj": f"# xmtllib{SECRET}"}, SECRET),
+    ({"a.obj": "mtllib link"}, "link"),
+    ({"a.obj": "mtllib l\x1fk"}, "l\x1fk"),  # white space to Python, not to Drake
+    ({"a.obj": "mtllib link\0.mtl"}, "link\0.mtl"),
+    ({"a.obj": "mtllib pipe"}, "pipe"),
+    ({"a.obj": LIBRARY, "a.mtl": "bump /etc/hosts"}, "/etc/hosts"),
+    ({"a.obj": LIBRARY, "a.mtl": f"map_Kd -s 1 1 1 {SECRET}"}, SECRET),
+    ({"a.obj": LIBRARY, "a.mtl": f"map_Kd \n{SECRET} map_Ks a\r"}, SECRET),
+    ({"a.obj": LIBRARY, "a.mtl": f"map_Kd a\nmap_Ks\n\n{SECRET}\v"}, SECRET),
+    ({"a.obj": LIBRARY, "a.mtl": "MAP_KD https://x.y/z"}, "https://x.y/z"),  # a browser does
+    ({"a.obj": LIBRARY, "a.mtl": "norm \\\\x.y\\z"}, "\\\\x.y\\z"),
+    ({"a.obj": "mtllib looks/a.mtl", "looks/a.mtl": "map_Kd ../../secret"}, "../../secret"),
+    ({"a.gltf": gltf('"images": [{"uri": "/etc/hosts"}]')}, "/etc/hosts"),
+    ({"a.gltf": gltf('"buffers": [{"uri": "looks/../../secret"}]')}, "looks/../../secret"),
+    ({"a.gltf": gltf('"images": [{"uri": "%2e%2e/secret"}]')}, "%2e%2e/secret"),
+    ({"a.gltf": gltf('"images": [{"u\\u0072i": "link"}]')}, "link"),
+    ({"a.gltf": gltf('"images": [{"uri": "link", "uri": "a"}], "images": []')}, "link"),
+    ({"a.gltf": gltf('"images": [{"uri": "\\thttp:x.y/z"}]')}, "\thttp:x.y/z"),
+    ({"a.gltf": gltf('"images": [{"uri": "DATA:,x"}]')}, "DATA:,x"),
+]  # fmt: skip
+"""Files in the folder of a robot with a mesh that brings others, and their name in it."""
+
+
+@pytest.fixture
+def with_mesh(tmp_path):
+    """Makes a robot with a mesh of these files, and tells why the mesh is not drawn."""
+    home = tmp_path / "description"
+    (home / "looks").mkdir(parents=True)
+    (tmp_path / "secret").write_text("secret", encoding="utf-8")
+    for name, to in {"link": SECRET, "l\x1fk": SECRET}.items():
+        (home / name).symlink_to(to)
+    os.mkfifo(home / "pipe")
+
+    def told(files, mesh=""):
+        for name, text in files.items():
+            (home / name).write_bytes(text.encode())
+        mesh = mesh or f'filename="{next(iter(files))}"'
+        link = f'<link name="upper"><visual><geometry><mesh {mesh}/></geometry></visual>'
+        (home / "arm.urdf").write_text(URDF.replace('<link name="upper">', link), encoding="utf-8")
+        return " ".join(drawable(load_robot(home / "arm.urdf"))[1])
+
+    return told
+
+
+@pytest.mark.parametrize("files", INSIDE)
+def test_a_mesh_has_its_looks_from_its_folders(with_mesh, files):
+    assert with_mesh(files) == ""
+
+
+@pytest.mark.parametrize("files, name", OUTSIDE)
+def test_a_mesh_brings_no_other_files(with_mesh, files, name):
+    """They would be in a page that is handed on."""
+    told = with_mesh(files)
+    assert told.startswith("link 'upper': mesh a.") and f" refers to {name}, expected " in told
+
+
+def test_a_mesh_of_a_urdf_is_the_one_that_was_checked(with_mesh, tmp_path):
+    """Drake reads an attribute, and <uri> only in an SDF."""
+    files = {"a.obj": "", "b.obj": f"mtllib {SECRET}"}
+    mesh = 'filename="file:///b.obj"><uri>a.obj</uri></mesh><none'
+    assert with_mesh(files, mesh) == ""
+    robot = load_robot(tmp_path / "description" / "arm.urdf")
+    mesh = ET.fromstring(drawable(robot)[0]).find(".//mesh")
+    checked = f"file://{tmp_path}/description/a.obj"
+    assert (mesh.get("filename"), mesh.find("uri").text) == (checked, checked)
+
+
+@pytest.mark.parametrize("text", ["", "[" * 100_000, "\xff", '{"a": 1} x'])
+def test_a_broken_mesh_is_not_drawn(with_mesh, text):
+    assert with_mesh({"a.gltf": text}) == "link 'upper': mesh a.gltf is not valid glTF"
+    many = "\n".join(f"map_Kd {k}" for k in range(2001))
+    told = with_mesh({"a.obj": LIBRARY, "a.mtl": many})
+    assert told == "link 'upper': mesh a.obj refers to more than 2000 files"
