@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -14,7 +13,7 @@ from cyclopts.validators import Number
 
 from sdt_drake.cli import completion
 from sdt_drake.cli.printing import echo
-from sdt_drake.io.errors import InputError, Problem, is_within, retelling
+from sdt_drake.io.errors import MAX_NUMBER, InputError, Problem, at_most, is_within, retelling
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, FIGURES, check_binary
 
@@ -75,14 +74,14 @@ def _whole(_: object, tokens: Sequence[Token]) -> int:
 def number(**bounds: float) -> Parameter:
     """Return a parameter for finite numbers within limits: number(gt=0), number(gte=1, lte=10)."""
     accepted = " and ".join(f"{_BOUNDS[kind]} {bound:g}" for kind, bound in bounds.items())
-    limits = Number(**bounds), Number(gt=-math.inf, lt=math.inf)
+    limits = Number(**bounds), Number(gte=-MAX_NUMBER, lte=MAX_NUMBER)
 
     def check(type_: object, value: object) -> None:
         try:
             for limit in limits:
                 limit(type_, value)
         except ValueError:
-            raise ValueError(f"Expected a number {accepted}") from None
+            raise ValueError(f"Expected a number {accepted}{at_most(value)}") from None
 
     return Parameter(validator=check)
 

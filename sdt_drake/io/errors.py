@@ -19,6 +19,9 @@ if TYPE_CHECKING:  # import numpy lazily: it would slow down --help by 0.1 s
 MAX_PERIODS = 1_000_000
 """Largest number of sample periods of a motion: 83 min of 5 ms, planned within a minute."""
 
+MAX_NUMBER = 1e16
+"""Largest size of a number in files and arguments; products of many such numbers are finite."""
+
 MAX_PROBLEMS = 20
 """Largest number of problems that an `InputError` prints."""
 
@@ -144,6 +147,12 @@ def one_line(error: object) -> str:
     return text if len(text) <= 300 else f"{text[:300]}..."
 
 
+def at_most(value: object) -> str:
+    """Return " of at most 1e+16" for a finite number beyond it, otherwise ""."""
+    is_beyond = isinstance(value, int | float) and MAX_NUMBER < abs(value) < math.inf
+    return f" of at most {MAX_NUMBER:g}" if is_beyond else ""
+
+
 def checked_number(
     value: float, where: str, *, minimum: float = -math.inf, exclusive: bool = False
 ) -> float:
@@ -152,10 +161,11 @@ def checked_number(
     Raises:
         InputError: the value is no such number.
     """
-    is_number = isinstance(value, Real) and math.isfinite(value)
+    is_number = isinstance(value, Real) and abs(value) <= MAX_NUMBER
     if not is_number or value < minimum or (exclusive and value == minimum):
         bound = f" {'>' if exclusive else '>='} {minimum:g}" if math.isfinite(minimum) else ""
-        raise InputError(f"{one_line(value)}, expected a finite number{bound}", place=where)
+        most = at_most(value)
+        raise InputError(f"{one_line(value)}, expected a finite number{bound}{most}", place=where)
     return float(value)
 
 

@@ -42,7 +42,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from sdt_drake.io.errors import InputError, Problem, dotted, meant
+from sdt_drake.io.errors import InputError, Problem, at_most, dotted, meant
 from sdt_drake.io.resources import beside
 from sdt_drake.io.schema import CONFIG, Schema, adapter, expected, inner, schema_of
 
@@ -69,7 +69,9 @@ def _folder(info: ValidationInfo) -> Path | None:
 
 def _number(value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, str) and _folder(info) and _EXPONENT.fullmatch(value):
-        return float(value)
+        value = float(value)
+    if most := at_most(value):
+        raise PydanticCustomError("beyond", "beyond", {"most": most})
     return value
 
 
@@ -81,9 +83,10 @@ def _of_each_joint(values: list[T], info: ValidationInfo) -> list[T]:
 
 
 Number = Annotated[float, BeforeValidator(_number)]
-"""A finite number. Truth values and texts are refused, except 1e3 in a file."""
+"""A number of at most MAX_NUMBER. Truth values and texts are refused, except 1e3 in a file."""
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_number)]
 NotNegative = Annotated[float, Field(ge=0), BeforeValidator(_number)]
+Whole = Annotated[int, BeforeValidator(_number)]
 Text = Annotated[str, Field(min_length=1)]
 Some = Annotated[list[T], Field(min_length=1)]
 """A list with at least one entry."""
@@ -286,7 +289,7 @@ def _made(schema: type[T], data: Any, where: str, context: dict[str, Any]) -> T:
         return cast(T, adapter(cast(Any, schema)).validate_python(data, context=context))
     except ValidationError as error:
         problems = [
-            problem._replace(where=where)
+            problem._replace(where=": ".join(filter(None, (where, problem.where))))
             for one in error.errors(include_url=False)
             for problem in _told(one, schema, is_file="folder" in context)
         ]
@@ -318,6 +321,8 @@ def _told(error: ErrorDetails, schema: type, *, is_file: bool) -> Iterator[Probl
         yield Problem(_shown(data), f"a {node['title']}", place)
     elif kind == "finite_number":
         yield Problem(_shown(data), accepted.replace("a ", "a finite ", 1), place)
+    elif kind == "beyond":
+        yield Problem(_shown(data), f"{accepted}{error['ctx']['most']}", place)
     else:
         yield Problem(_shown(data), accepted, place)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import MAX_NUMBER, InputError, at_most
 from sdt_drake.io.files import checked_input
 from sdt_drake.io.formats import BINARY, MAX_NUMBERS, read_binary
 
@@ -68,17 +68,18 @@ class Numbers:
         return f"{self.path}, line {line}"
 
     def check_finite(self, columns: Iterable[int]) -> None:
-        """Check that columns have finite values only.
+        """Check that columns have finite values only, none beyond MAX_NUMBER.
 
         Raises:
             InputError: another value; the message has its line and column.
         """
         for column in columns:
-            bad = np.flatnonzero(~np.isfinite(self.data[:, column]))
+            bad = np.flatnonzero(~(np.abs(self.data[:, column]) <= MAX_NUMBER))
             if len(bad):
+                value = float(self.data[bad[0], column])
                 raise InputError(
-                    f"{self.place(bad[0])}: {self.names[column]} is "
-                    f"{self.data[bad[0], column]}, expected a finite number"
+                    f"{self.place(bad[0])}: {self.names[column]} is {value}, "
+                    f"expected a finite number{at_most(value)}"
                 )
 
 

@@ -132,8 +132,7 @@ def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) ->
 
 def _check_time(numbers: Numbers, *, even: bool) -> None:
     time = numbers.data[:, 0]
-    with np.errstate(over="ignore"):
-        steps = np.diff(time)
+    steps = np.diff(time)
     bad = steps <= 0
     expected = "a growing time"
     if even:

@@ -217,7 +217,14 @@ class _Reader(yaml.SafeLoader):
             raise _wrong(node, name, f"{len(node.value)} characters, expected at most {_MAX_TEXT}")
         if has_control_characters(re.sub(r"[\t\n]", "", node.value)):
             raise _wrong(node, name, "control characters in a text; remove them")
-        return self.construct_object(node)
+        try:
+            return self.construct_object(node)
+        except yaml.YAMLError:
+            raise
+        except Exception:  # the library raises many types
+            kind = node.tag.rpartition(":")[2]
+            text = f"'{node.value[:40]}' cannot be read as !!{kind}"
+            raise _wrong(node, name, text) from None
 
     def _mapping(self, node: yaml.MappingNode, name: str, depth: int) -> dict[str, Any]:
         merged: dict[str, Any] = {}

@@ -13,7 +13,7 @@ from xml.parsers import expat
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import MAX_NUMBER, InputError
 from sdt_drake.io.fields import suggestion
 from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.rounding import last_digit, nearest_inertia
@@ -181,6 +181,8 @@ def _check_element(element: ET.Element, where: str) -> None:
     if element.tag in _ZERO and values[0] != 0:
         tag = element.tag
         raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
+    if element.tag in _LIMITS and abs(values[0]) > MAX_NUMBER:  # some programs print 1.79769e308
+        element.text = "inf" if values[0] > 0 else "-inf"
     if element.tag in _POSITIVE and values[0] <= 0:
         tag = element.tag.removeprefix(DRAKE)
         raise InputError(f"{where}: <{tag}> {element.text}, expected a number > 0")
@@ -207,7 +209,7 @@ _BLANK = " \t\r\n"
 
 def _is_number(word: str, element: ET.Element) -> bool:
     if _PLAIN.fullmatch(word):
-        return bool(np.isfinite(float(word)))
+        return element.tag in _LIMITS or abs(float(word)) <= MAX_NUMBER
     return element.tag in _LIMITS and _INFINITE.fullmatch(word) is not None
 
 

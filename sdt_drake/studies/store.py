@@ -9,13 +9,14 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
+from math import inf
 from pathlib import Path, PurePath
 from typing import Any
 
 from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.files import replacing
 from sdt_drake.studies.fields import Value
-from sdt_drake.studies.table import Row
+from sdt_drake.studies.table import STATUSES, Row
 
 DATABASE = "study.sqlite"
 ABOUT = "sdt_drake"
@@ -28,6 +29,8 @@ RESULTS = "results.parquet"
 """Export of a finished study; it is read where the database is missing."""
 
 _KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
+_STORED: dict[type, set[type]] = {int: {int}, str: {str}, float: {float, type(None)}}
+"""Types of the stored values by type of the column; SQLite stores NaN as NULL."""
 _LOCK_TIMEOUT = 60.0  # s; for another process that reads or writes a row
 _GROUP_ROWS = 4096  # rows in memory at the same time
 _UNUSABLE = (
@@ -78,7 +81,7 @@ class Store(AbstractContextManager["Store"]):
             ((text,),) = self._database.execute("SELECT about FROM study")
             columns = self._database.execute("SELECT name, type FROM pragma_table_info('rows')")
             self.kinds = {name: _KINDS[kind] for name, kind in columns}
-            self.about = _checked(json.loads(text))
+            self.about = _checked(json.loads(text), self.kinds)
 
     def __exit__(self, *_: object) -> None:
         self._database.close()
@@ -90,10 +93,10 @@ class Store(AbstractContextManager["Store"]):
 
     def inputs(self, number: int) -> dict[str, Value]:
         """Return the inputs of a row by name; empty if the row is not in the database."""
-        with self.reading():
-            found = self._database.execute("SELECT * FROM rows WHERE row = ?", (number,)).fetchone()
-        columns = zip(self.kinds, found or (), strict=False)
-        return {name: value for name, value in columns if name in self.about["inputs"]}
+        for columns in self._groups("SELECT * FROM rows WHERE row = ?", number):
+            row = zip(self.kinds, columns, strict=True)
+            return {name: value for name, (value,) in row if name in self.about["inputs"]}
+        return {}
 
     def append(self, row: Row, inputs: Mapping[str, Value]) -> None:
         """Write a row and wait until it is on the disk.
@@ -114,10 +117,15 @@ class Store(AbstractContextManager["Store"]):
 
     def groups(self) -> Iterator[list[tuple[Any, ...]]]:
         """Yield the columns of all rows, sorted by number, in groups of 4096 rows."""
+        return self._groups("SELECT * FROM rows ORDER BY row")
+
+    def _groups(self, query: str, *values: int) -> Iterator[list[tuple[Any, ...]]]:
         with self.reading():
-            cursor = self._database.execute("SELECT * FROM rows ORDER BY row")
+            cursor = self._database.execute(query, values)
             while group := cursor.fetchmany(_GROUP_ROWS):
-                yield [*zip(*group, strict=True)]
+                columns = [*zip(*group, strict=True)]
+                _check_rows(dict(zip(self.kinds, columns, strict=True)), self.kinds)
+                yield columns
 
     @contextmanager
     def reading(self) -> Iterator[None]:
@@ -169,12 +177,29 @@ def _check_tables(database: sqlite3.Connection) -> None:
         raise ValueError("contains more than two tables of values")
 
 
-def _checked(about: dict[str, Any]) -> dict[str, Any]:
-    """Return the metadata with defaults for missing entries; check types and paths."""
+def _check_rows(columns: Mapping[str, tuple[Any, ...]], kinds: Mapping[str, type]) -> None:
+    """Raise ValueError for values that no run writes; SQLite stores any value in any column."""
+    for name, values in columns.items():
+        if not set(map(type, values)) <= _STORED[kinds[name]] or {inf, -inf} & {*values}:
+            raise ValueError(f"{name} contains values that are no {kinds[name].__name__}")
+    if others := {*columns["status"]} - {*STATUSES}:
+        raise ValueError(f"status {min(others)!r}, expected one of {', '.join(STATUSES)}")
+
+
+def _checked(about: dict[str, Any], kinds: Mapping[str, type]) -> dict[str, Any]:
+    """Return the metadata with defaults for missing entries; check types, columns and paths."""
     about = {name: kind() for name, kind in _ABOUT.items()} | about
     for name, kind in _ABOUT.items():
         if not isinstance(about[name], kind):
             raise ValueError(f"{name} is not a {kind.__name__}")
+        inner = about[name].values() if kind is dict else about[name]
+        if not all(isinstance(text, str) for text in inner):
+            raise ValueError(f"{name} contains other values than texts")
+    columns = {"row": int, **{name: kinds.get(name) for name in about["inputs"]}}
+    columns |= {"status": str, "reason": str, "duration": float}
+    columns |= dict.fromkeys(about["outcomes"], float)
+    if [*columns.items()] != [*kinds.items()]:
+        raise ValueError("its columns are not those of its inputs and outcomes")
     for place in (*about["files"].values(), *about["contents"]):
         if PurePath(place).is_absolute() or ".." in PurePath(place).parts:
             raise ValueError(f"{place} is outside the folder")

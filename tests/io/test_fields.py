@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import MAX_NUMBER, InputError
 from sdt_drake.io.fields import check, made
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
@@ -118,6 +118,15 @@ def test_every_field_takes_its_limits_and_refuses_wrong_values_as_editors_do(mod
             assert editor.is_valid(last) and not is_told(model, node, last), (node.place, last)
 
 
+@pytest.mark.parametrize("model", COMMITTED)
+def test_no_field_takes_a_number_beyond_the_largest(model):
+    for node in nodes(model):
+        kind = node.schema.get("type")
+        if kind in ("number", "integer") and node.schema.get("maximum", 0) < MAX_NUMBER:
+            for value in (2e16, -2e16) if kind == "number" else (2 * 10**16, 10**5000):
+                assert is_told(model, node, value), node.place
+
+
 # --- what is told ----------------------------------------------------------------------------
 
 
@@ -136,6 +145,7 @@ def test_python_may_assign_what_fits_a_field():
 AXIS = [
     ({"disturbance.amplitude": -np.inf}, "disturbance.amplitude: -inf, expected a finite number >"),
     ({"period": 10**400}, "period: a whole number of more than 64 bits, expected a number > 0 [s]"),
+    ({"period": 2e16}, "period: 2e+16, expected a number > 0 [s] of at most 1e+16"),
     ({"controller.kp": []}, "controller.kp: empty, expected a list of numbers > 0 [N m s/rad], "),
     ({"plant": Drive()}, "plant: Drive("),
     ({"plant": None}, "plant: empty, expected a PlantChoice"),

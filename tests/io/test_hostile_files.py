@@ -39,7 +39,7 @@ from sdt_drake.studies.study import read_study
 TIME, Q = np.arange(5) * 0.005, np.zeros((5, 4))
 ABOUT = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
 ABOUT |= {"files": {}, "contents": {}}
-
+TEXTS = {"x": False}
 
 FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n"
 FLIGHT += "".join(f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9))
@@ -79,7 +79,7 @@ READERS = {
     "table.mat": table("table.mat"),
     "table.parquet": table("table.parquet"),
     "picture.svg": (b"<svg xmlns='http://www.w3.org/2000/svg'><g/></svg>", read_svg),
-    DATABASE: (written(DATABASE, lambda path: create(path.parent, ABOUT, {})), read_store),
+    DATABASE: (written(DATABASE, lambda path: create(path.parent, ABOUT, TEXTS)), read_store),
 }
 """A file of each kind, and what reads it."""
 
@@ -180,11 +180,28 @@ def test_a_robot_includes_no_other_file(place, text, tmp_path):
 
 ABOUTS = [{"contents": {"../secret": ""}}, {"contents": {"/etc/passwd": ""}}, {"files": []}]
 ABOUTS += [{"files": {"own.py": "files/../../own.py"}}, {"outcomes": None}]
+ABOUTS += [{"contents": {"study.yaml": 5}}, {"outcomes": [["y"]]}, {"outcomes": ["z"]}]
+ABOUTS += [{"inputs": []}, {"versions": {"drake": 1}}, {"inputs": ["y"], "outcomes": ["x"]}]
 STATEMENTS = [
     "DROP TABLE rows; CREATE VIEW rows AS SELECT 0 AS row",
     "DROP TABLE study; CREATE TABLE study (x, about TEXT AS (hex(zeroblob(1e9))))",
     "CREATE TRIGGER t AFTER INSERT ON rows BEGIN DELETE FROM rows; END",
 ]
+
+
+ROWS = ["-1, 1, 'ok', '', 1, 'a'", "0, 'a', 'ok', '', 1, 1", "0, 1, 'fine', '', 1, 1"]
+ROWS += ["0, 1, 'ok', x'00', 1, 1", "0, 1, NULL, '', 1, 1", "0, 1, 'ok', '', 1, 9e999"]
+
+
+@pytest.mark.parametrize("values", ROWS)
+def test_a_row_of_a_study_holds_what_a_run_writes(values, tmp_path):
+    create(tmp_path, ABOUT, TEXTS)
+    with sqlite3.connect(tmp_path / DATABASE) as base:
+        base.execute(f"INSERT INTO rows VALUES ({values})")
+    read = [lambda store: [*store.groups()], lambda store: store.inputs(int(values.split(",")[0]))]
+    for of in read:
+        with Store(tmp_path) as store, pytest.raises(InputError, match="cannot be used"):
+            of(store)
 
 
 @pytest.mark.parametrize("statements", [*ABOUTS, *STATEMENTS])
@@ -193,7 +210,7 @@ def test_a_study_has_its_files_in_its_folder_and_computes_nothing(statements, tm
     if isinstance(statements, dict):
         statements = f"UPDATE study SET about = '{json.dumps(ABOUT | statements)}'"
         message = r"study\.sqlite: cannot be used \("
-    create(tmp_path, ABOUT, {})
+    create(tmp_path, ABOUT, TEXTS)
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.executescript(statements)
     with pytest.raises(InputError, match=message):

@@ -26,6 +26,12 @@ def test_the_shipped_device_and_its_catalogue_have_the_published_motors(robot):
     np.testing.assert_allclose(n1, speeds, rtol=1e-4)
 
 
+@pytest.mark.parametrize("many", ["1.79769e+308", "1e17", "9" * 5000])
+def test_a_limit_beyond_all_numbers_is_none(many):
+    assert loaded(SDF.replace("<velocity>3", f"<velocity>{many}")).velocity_limit[0] == np.inf
+    refused(SDF, "<mass>4", f"<mass>{many}", "link 'upper': <mass> is '.*', expected a number")
+
+
 LIMIT = (
     "<effort>4<!-- a --><![CDATA[0]]>&#32;</effort><drake:acceleration>2.5</drake:acceleration>"
     "<lower>-1e16</lower><upper>1e+16</upper>"  # so say many files: none
@@ -72,7 +78,7 @@ BAD = [
     ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
     # Numbers that Drake would take up to some letter, or of which it would take the first.
     ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
-    ("<effort>40", "<effort>" + 10**6 * "4", _ELBOW + r"<effort> is '4{40}\.\.\.'"),
+    ("<mass>4", "<mass>" + 10**6 * "4", _UPPER + r"<mass> is '4{40}\.\.\.'"),
     ("<pose>0.3 0", "<pose>0,3 0", _LOWER + "<pose> is '0,3 0 0 0 0 0', expected 6 or 7 numbers"),
     ("<mass>2</mass>", "<mass>2</mass><mass>3</mass>", _LOWER + "<mass> more than once"),
     # Names and versions.

@@ -18,6 +18,7 @@ from sdt_drake.io.fields import (
     Positive,
     Problems,
     Some,
+    Whole,
     check,
     setting,
 )
@@ -51,13 +52,13 @@ SPEED_UNITS = {
 class Axis(Input):
     """The drive of a joint; **motor side**."""
 
-    increments: int = setting(ge=1, unit="increments", side="motor")
+    increments: Whole = setting(ge=1, unit="increments", side="motor")
     """Encoder increments per turn of the motor."""
     gear_ratio: Positive | None = setting(None, unit="-")
     """Motor speed over joint speed; the robot's gear ratio by default."""
-    sign: int = setting(1, unit="-")
+    sign: Whole = setting(1, unit="-")
     """Direction: 1, or -1 if the motor turns against its joint."""
-    zero: int = setting(0, unit="increments")
+    zero: Whole = setting(0, unit="increments")
     """Encoder increments at joint angle 0."""
     speed_unit: Annotated[str, OneOf(tuple(SPEED_UNITS))] = "increments/s"
     """Unit of target velocity and velocity offset."""

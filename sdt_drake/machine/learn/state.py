@@ -22,6 +22,7 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
+    Whole,
     check,
     setting,
 )
@@ -44,9 +45,9 @@ _MAX_REMAINDER = 0.95  # error over that of the best flight, for another flight 
 class FlightRecord(Input):
     """The result of a real flight from its recordings: one file in the folder of the learning."""
 
-    reference: int = setting(1, ge=1)
+    reference: Whole = setting(1, ge=1)
     """Number of the flown reference; 1 is the planned motion."""
-    recordings: int = setting(1, ge=1)
+    recordings: Whole = setting(1, ge=1)
     """Number of recordings of the flight."""
     largest: EachJoint[NotNegative] = setting(unit="rad", side="joint")
     """Largest |error| of the recordings' mean."""

@@ -120,7 +120,7 @@ def _read_summary(path: Path) -> Json:
 
     try:
         return json.loads(read_text(path, _MAX_FILE_BYTES), parse_constant=refuse)
-    except json.JSONDecodeError:
+    except (json.JSONDecodeError, RecursionError):
         raise InputError(f"{path}: is not JSON") from None
 
 
