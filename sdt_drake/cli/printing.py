@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import textwrap
 import time
@@ -21,7 +22,21 @@ if TYPE_CHECKING:
 
 _BAR_DELAY = 2.0  # s; shorter work shows no bar
 
-console, errors = Console(), Console(stderr=True)
+_MIN_WIDTH, _MAX_WIDTH = 20, 500  # characters; rich never ends a line of 0, 1 or 2
+
+
+def line_width() -> int:
+    """Return the width of the terminal, or $COLUMNS, within 20 to 500 characters."""
+    return min(max(shutil.get_terminal_size().columns, _MIN_WIDTH), _MAX_WIDTH)
+
+
+def _console(*, stderr: bool = False) -> Console:
+    """Make a console without rich's own reading of $COLUMNS and $LINES."""
+    height = max(shutil.get_terminal_size().lines, 1)
+    return Console(width=line_width(), height=height, stderr=stderr)
+
+
+console, errors = _console(), _console(stderr=True)
 
 
 class Bar:

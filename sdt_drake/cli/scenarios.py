@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import shutil
 import textwrap
 from typing import Annotated
 
 from sdt_drake.cli.common import one_of
-from sdt_drake.cli.printing import echo
+from sdt_drake.cli.printing import echo, line_width
 from sdt_drake.io.files import read_text
 from sdt_drake.io.resources import SHIPPED, find_file, models_dir, shipped
 
@@ -33,7 +32,7 @@ def run(name: Annotated[str | None, one_of(*SHIPPED)] = None, /) -> None:
     echo("sdt-drake simulate coupled_pi; in YAML, motion: leans")
     echo("For a copy: sdt-drake scenarios NAME > own.yaml")
     echo()
-    width = shutil.get_terminal_size().columns - 20
+    width = max(line_width() - 20, 20)
     for kind in SHIPPED:
         echo(f"{kind}:")
         for name in shipped(kind):

@@ -12,7 +12,7 @@ import pytest
 from command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program, refused
 
 import sdt_drake
-from sdt_drake.cli import COMMANDS
+from sdt_drake.cli import COMMANDS, printing
 from sdt_drake.cli import app as cli
 
 
@@ -22,6 +22,18 @@ def test_help_lists_all_commands_and_version(good):
         assert re.search(rf"^\s+{name}\b", out, re.M), name
     assert "example: sdt-drake" in out
     assert good("--version").out == f"sdt-drake {sdt_drake.__version__}\n"
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "2", "\u00b2", "9" * 5000, "20000000"])
+@pytest.mark.parametrize("line", ["plan --help", "--help", "scenarios"])
+def test_terminals_of_any_width(call, columns, line, monkeypatch):
+    """rich never ends lines of 0 to 2 columns, and fills those of very many."""
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setenv("LINES", columns)
+    assert 20 <= printing.line_width() <= 500
+    monkeypatch.setattr(cli, "console", printing._console())
+    done = call(*line.split())
+    assert done.code == 0 and 1000 < len(done.out) < 100_000
 
 
 def test_completion_knows_shipped_names_files_fields_and_options(desk, tmp_path):
