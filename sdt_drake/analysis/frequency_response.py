@@ -146,7 +146,7 @@ def frequency_response(
     loops = {i: linearise(design, i) for i in set(samples)}
     top = 100 * design.omega_n.max()
     if design.springs is not None:  # far above resonance, the gains act on the rotors alone
-        rotors = np.where(design.springs.elastic, design.robot.rotor_inertia, np.inf)
+        rotors = np.where(design.springs.elastic, design.robot.motor_inertia, np.inf)
         top = max(top, 10 * np.max(design.gains.kp / rotors))
     period = loops[samples[0]].opened.period
     if period:

@@ -68,7 +68,8 @@ def in_words(coupling: Array, names: Sequence[str]) -> list[str]:
         if others:
             sentences.append(
                 f"the motor of '{names[k]}' also turns with {listed(others)}: recordings, drive "
-                "files and planned motions account for it; simulated drives turn one joint each"
+                "files and planned motions account for it, simulations for its rotor: simulated "
+                "drives and friction turn one joint each"
             )
     return sentences
 

@@ -66,13 +66,16 @@ def add_device(builder: DiagramBuilder, design: Design, *, torque: str = "tau_li
     if design.scenario.plant.kind == "coupled":
         name, plant = "multibody_plant", RobotPlant(robot=robot, without_rotor=apart)
     else:
-        i_eff = design.i_eff - np.where(apart, robot.rotor_inertia, 0.0)
+        i_eff = design.i_eff - np.where(apart, robot.motor_inertia, 0.0)
         name, plant = "axis_process", AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
     builder.AddNamedSystem(name, plant)
     joints = torque_loop = None
     if springs is not None:
         joints = ElasticJoints(
-            springs=springs, rotor_inertia=robot.rotor_inertia, gear_ratio=robot.gear_ratio
+            springs=springs,
+            rotor_inertia=robot.motor_inertia,
+            gear_ratio=robot.gear_ratio,
+            shared_inertia=robot.shared_inertia if name == "multibody_plant" else 0.0,
         )
         builder.AddNamedSystem("elastic_joints", joints)
     if drive.torque_bandwidth is not None or drive.torque_error is not None:

@@ -67,15 +67,23 @@ def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs |
     d_kk = torques_along(robot, motion).d_kk
     links, k_g = d_kk.max(axis=0), np.zeros(robot.n)
     if i_eff is not None:
-        links = robot.gear_ratio**2 * (np.array(i_eff) - robot.rotor_inertia)
+        links = robot.gear_ratio**2 * (np.array(i_eff) - robot.motor_inertia)
     if scenario.plant.kind == "coupled":
         at = motion.q[where_largest(d_kk)]  # a row for each joint
         k_g = np.array([gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
     elastic = np.array(elasticity.natural_frequency) > 0
+    shared = np.argwhere((robot.shared_inertia != 0) & elastic[:, None] & ~elastic)
+    if len(shared) and scenario.plant.kind == "coupled":
+        one, other = (shared[0] + 1).tolist()
+        raise InputError(
+            f"joint {one} is elastic and joint {other} rigid, but a motor turns with both; "
+            "expected both elastic or both rigid",
+            place="plant.elasticity",
+        )
     for k in np.flatnonzero(elastic):
-        if robot.rotor_inertia[k] <= 0 or links[k] <= 0:
+        if robot.motor_inertia[k] <= 0 or links[k] <= 0:
             raise InputError(
-                f"joint {k + 1} has the rotor inertia {robot.rotor_inertia[k]:g} "
+                f"joint {k + 1} has the rotor inertia {robot.motor_inertia[k]:g} "
                 f"kg m² (motor side) and the link inertia {links[k]:g} kg m² (joint side); an "
                 "elastic joint needs both > 0",
                 place="plant.elasticity",
@@ -108,7 +116,7 @@ def check_poles(
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if springs is not None:
             # Above the spring's frequency the motor accelerates its rotor alone.
-            at_motor = np.where(springs.elastic, robot.rotor_inertia, i_eff)
+            at_motor = np.where(springs.elastic, robot.motor_inertia, i_eff)
             for name, poles in (
                 ("natural_frequency", np.sqrt(springs.stiffness / robot.reflected_inertia)),
                 ("damping_ratio", springs.damping / robot.reflected_inertia),

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer
 
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.device import Springs
 
@@ -17,13 +18,15 @@ class ElasticJoints(Diagram):
 
     Torques and I_m are motor side. theta and w of the motors, q and v of the links, k and c are
     joint side. The plant behind this block must be without the rotor inertia of elastic joints. At
-    rigid joints tau_link is tau, and the motor has the state of the link. State: theta and w of the
-    elastic joints.
+    rigid joints tau_link is tau, and the motor has the state of the link. With rotors that turn
+    with two joints, r² I_m is a matrix. State: theta and w of the elastic joints.
 
     Args:
         springs: springs of n joints, at least one of them elastic.
         rotor_inertia: I_m, motor side [kg m²], shape (n,), > 0 at elastic joints.
         gear_ratio: r [-], shape (n,), > 0.
+        shared_inertia: `Robot.shared_inertia` of motors that turn with two joints [kg m²], shape
+            (n, n); 0 by default.
 
     .. pydrake_system::
 
@@ -33,7 +36,12 @@ class ElasticJoints(Diagram):
     """
 
     def __init__(
-        self, *, springs: Springs, rotor_inertia: ArrayLike, gear_ratio: ArrayLike
+        self,
+        *,
+        springs: Springs,
+        rotor_inertia: ArrayLike,
+        gear_ratio: ArrayLike,
+        shared_inertia: ArrayLike = 0.0,
     ) -> None:
         super().__init__()
         builder = DiagramBuilder()
@@ -41,7 +49,8 @@ class ElasticJoints(Diagram):
         n = len(springs.stiffness)
         r = checked_positive(gear_ratio, "gear_ratio", n)
         self._axes = axes = np.flatnonzero(springs.elastic)
-        m, reflected = len(axes), np.diag(1 / (r**2 * np.asarray(rotor_inertia))[axes])
+        rotors: Array = np.diag(r**2 * np.asarray(rotor_inertia)) + np.asarray(shared_inertia)
+        m, reflected = len(axes), np.linalg.inv(rotors[np.ix_(axes, axes)])
         pick, rigid = np.eye(n)[axes], np.diag(1.0 * ~springs.elastic)
         both, back = np.kron(np.eye(2), pick), (pick / r).T  # select of [q, v]; to motor side
         wound = np.hstack([np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])])

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems import controllers
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer, Gain
+from pydrake.systems.primitives import Adder, Demultiplexer, Gain, MatrixGain, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.robot import Robot
@@ -52,6 +52,19 @@ class InverseDynamicsController(Diagram):
         builder.ExportInput(law.get_input_port_estimated_state(), "sampled_state")
         builder.Connect(reference.get_output_port(0), law.get_input_port_desired_state())
         builder.Connect(reference.get_output_port(1), law.get_input_port_desired_acceleration())
-        builder.Connect(law.get_output_port_control(), gears.get_input_port())
+        torque = law.get_output_port_control()
+        if model.is_coupled:
+            both = builder.AddNamedSystem("both", Multiplexer([3 * n, 2 * n]))
+            by_error = np.hstack([np.diag(omega_n**2), np.diag(2 * zeta * omega_n)])
+            wanted = np.hstack([by_error, np.eye(n), -by_error])  # acceleration that the law asks
+            rotors = builder.AddNamedSystem("rotors", MatrixGain(model.shared_inertia @ wanted))
+            whole = builder.AddNamedSystem("with_rotors", Adder(2, n))
+            builder.ConnectInput("reference", both.get_input_port(0))
+            builder.ConnectInput("sampled_state", both.get_input_port(1))
+            builder.Connect(both.get_output_port(), rotors.get_input_port())
+            builder.Connect(torque, whole.get_input_port(0))
+            builder.Connect(rotors.get_output_port(), whole.get_input_port(1))
+            torque = whole.get_output_port()
+        builder.Connect(torque, gears.get_input_port())
         builder.ExportOutput(gears.get_output_port(), "tau_fb")
         builder.BuildInto(self)

@@ -1,0 +1,119 @@
+"""Rotors that turn with two joints, in simulation: accelerations, energy, control, springs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.systems.framework import InputPortIndex, OutputPortIndex
+from pydrake.systems.primitives import FirstOrderTaylorApproximation
+from robots import ARM, loaded
+from strategies import GENERATORS, moving
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import Motion
+from sdt_drake.robot.device import Elasticity, Springs
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.run.plant import springs_along
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.run.simulate import make_simulator
+from sdt_drake.systems import ElasticJoints, InverseDynamicsController, RobotPlant
+
+TURNS = (
+    '<sdt:turns_with joint="shoulder">-30</sdt:turns_with><drake:gear_ratio>40</drake:gear_ratio>'
+)
+TURNS += "<drake:rotor_inertia>4e-4</drake:rotor_inertia>"
+WRIST = ARM.replace("<sdf ", '<sdf xmlns:sdt="urn:s" ').replace("g>0.7", "g>0")
+WRIST = WRIST.replace("40</effort></limit></axis>", f"40</effort></limit></axis>{TURNS}")
+C, ROTORS = np.array([[10.0, 0.0], [-30.0, 40.0]]), np.array([0.01, 4e-4])
+
+
+def accelerated(process, q, v, tau, load):
+    context = process.CreateDefaultContext()
+    for name, torque in (("tau", tau), ("load_torque", load)):
+        process.GetInputPort(name).FixValue(context, torque)
+    process.rest(context, q, v)
+    return process.EvalTimeDerivatives(context).CopyToVector()[len(q) :], context
+
+
+@settings(max_examples=20)
+@given(moving(1, joints=st.integers(2, 6), coupled=True), GENERATORS)
+def test_the_plant_accelerates_by_the_inverse_dynamics(case, rng):
+    """They are Pinocchio's, with C' I_m C. The linear model has the same mass matrix."""
+    robot, (q,), (v,), _ = case
+    tau, load = rng.normal(size=(2, robot.n)) * robot.motor_torque_limit / 10
+    process = RobotPlant(robot=robot)
+    vd, context = accelerated(process, q, v, tau, load)
+    torque = inverse_dynamics(robot, q[None], v[None], vd[None])[0]
+    expected = robot.gear_ratio * (tau - load)
+    parts = np.abs(robot.mass_matrix(robot.context_at_zero())) @ np.abs(vd)
+    np.testing.assert_allclose(torque, expected, atol=1e-9 * max(parts.max(), 1))
+    ports = InputPortIndex(process.GetInputPort("tau").get_index()), OutputPortIndex(0)
+    B = FirstOrderTaylorApproximation(process, context, *ports).B()[robot.n :]
+    at = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(at, q)
+    wanted = np.diag(robot.gear_ratio)
+    np.testing.assert_allclose(robot.mass_matrix(at) @ B, wanted, atol=1e-7 * wanted.max())
+
+
+def test_energy_of_links_and_rotors_is_kept():
+    wrist = loaded(WRIST)
+    process = RobotPlant(robot=wrist)
+    simulator = make_simulator(process, period=0.001, accuracy=1e-8)
+    root = simulator.get_mutable_context()
+    for name in ("tau", "load_torque"):
+        process.GetInputPort(name).FixValue(root, np.zeros(2))
+    process.rest(root, [0.4, 1.2], [1.0, -2.0])
+    inner, seen = process.plant.GetMyContextFromRoot(root), []
+    for time in np.linspace(0, 1, 51):
+        simulator.AdvanceTo(time)
+        v = process.plant.GetVelocities(inner)
+        links = process.plant.CalcMassMatrix(inner) - np.diag(np.diag(C.T * ROTORS @ C))
+        motors = C @ v
+        moving_parts = v @ links @ v / 2, motors @ (ROTORS * motors) / 2
+        seen.append([*moving_parts, process.plant.CalcPotentialEnergy(inner)])
+    swings = np.ptp(np.array(seen), axis=0)
+    assert np.all(swings > 1), swings
+    assert np.ptp(np.sum(seen, axis=1)) < 1e-5 * swings.min()
+
+
+@settings(max_examples=10)
+@given(moving(2, joints=st.integers(2, 4), coupled=True))
+def test_computed_torque_decouples_the_plant(case):
+    robot, q, v, vd = case
+    omega_n, zeta = np.arange(2.0, 2 + robot.n), np.linspace(0.5, 1, robot.n)
+    law = InverseDynamicsController(model=robot, omega_n=omega_n, zeta=zeta)
+    context = law.CreateDefaultContext()
+    reference = np.concatenate([q[0], v[0], vd[0]])
+    law.GetInputPort("reference").FixValue(context, reference)
+    law.GetInputPort("sampled_state").FixValue(context, np.concatenate([q[1], v[1]]))
+    tau = law.GetOutputPort("tau_fb").Eval(context)
+    found, _ = accelerated(RobotPlant(robot=robot), q[1], v[1], tau, np.zeros(robot.n))
+    asked = vd[0] + 2 * zeta * omega_n * (v[0] - v[1]) + omega_n**2 * (q[0] - q[1])
+    np.testing.assert_allclose(found, asked, rtol=1e-6, atol=1e-6 * np.abs(asked).max())
+
+
+def test_rotors_behind_springs_turn_together():
+    """C' I_m C wd = r tau - k (theta - q), with both joints elastic."""
+    wrist, springs = loaded(WRIST), Springs(np.ones(2, bool), np.array([2e3, 9e2]), np.zeros(2))
+    joints = ElasticJoints(
+        springs=springs,
+        rotor_inertia=wrist.motor_inertia,
+        gear_ratio=[10, 40],
+        shared_inertia=wrist.shared_inertia,
+    )
+    context, tau, state = joints.CreateDefaultContext(), np.array([2.0, -0.3]), np.zeros(4)
+    joints.rest(context, [0.01, -0.02], [0.5, 0.7])
+    joints.GetInputPort("tau").FixValue(context, tau)
+    joints.GetInputPort("state").FixValue(context, state)
+    wd = joints.EvalTimeDerivatives(context).CopyToVector()[2:]
+    wound = [2e3 * 0.01, -9e2 * 0.02]
+    np.testing.assert_allclose((C.T * ROTORS @ C) @ wd, [10, 40] * tau - wound, atol=1e-9)
+
+
+def test_a_motor_between_a_spring_and_a_rigid_joint_is_refused():
+    wrist, scenario = loaded(WRIST), Scenario(name="any", motion="any")
+    scenario.plant.kind = "coupled"
+    scenario.plant.elasticity = Elasticity(natural_frequency=[60.0, 0.0])
+    still = Motion(0.005, *np.zeros((3, 3, 2)))
+    with pytest.raises(InputError, match="joint 1 is elastic and joint 2 rigid, but a motor turns"):
+        springs_along(scenario, wrist, still)
