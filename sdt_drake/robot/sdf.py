@@ -50,7 +50,7 @@ def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Elem
         shapes: keep shapes, and omit <include> instead.
 
     Raises:
-        InputError: malformed XML, a <!DOCTYPE>, or too many elements.
+        InputError: malformed XML, a <!DOCTYPE>, or too many elements or attributes.
     """
     builder, reader, path = ET.TreeBuilder(), expat.ParserCreate(), []
     left_out, count = {"include"} if shapes else _SHAPES, itertools.count()
@@ -61,6 +61,11 @@ def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Elem
             raise InputError(f"{file}: more than {_MAX_DEPTH} nested elements, expected a robot")
         if next(count) == _MAX_ELEMENTS:
             raise InputError(f"{file}: more than {_MAX_ELEMENTS} elements, expected a robot")
+        if len(attributes) > _MAX_ATTRIBUTES:
+            raise InputError(
+                f"{file}: <{_short(tag)}> has {len(attributes)} attributes, expected at most "
+                f"{_MAX_ATTRIBUTES}"
+            )
         if not left_out.intersection(path):
             builder.start(tag, attributes)
 
@@ -87,7 +92,8 @@ def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Elem
     return builder.close()
 
 
-_MAX_DEPTH, _MAX_ELEMENTS = 50, 20_000
+# Drake's time grows with the square of an element's attributes.
+_MAX_DEPTH, _MAX_ELEMENTS, _MAX_ATTRIBUTES = 50, 20_000, 50
 _PARTS, _MAX_PARTS = ("link", "joint", "frame"), 1000  # Drake's time grows with their square
 _SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # there is no contact here
 

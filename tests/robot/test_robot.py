@@ -105,8 +105,6 @@ BAD = [
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
     # Files.
     ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
-    ("<mass>2", 300_000 * "<a>", "more than 50 nested elements"),
-    ("<mass>2", 100_000 * "<a/>", "more than 20000 elements"),
     ("</model>", 1001 * "<frame name='a'/>" + "</model>", "more than 1000 links, joints and fr"),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
     (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
@@ -116,3 +114,23 @@ BAD = [
 @pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
 def test_a_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
     refused(ARM, old, new, message)
+
+
+def attributes(count):
+    return " ".join(f'xmlns:x{k}=""' for k in range(count))
+
+
+MANY = [
+    (300_000 * "<a>", "more than 50 nested elements"),
+    (100_000 * "<a/>", "more than 20000 elements"),
+    (f"<a {attributes(51)}/>", "<a> has 51 attributes, expected at most 50"),
+    (f"<visual {attributes(40_000)}/>", "has 40000 attributes"),
+]
+
+
+@pytest.mark.parametrize("text", [ARM, URDF], ids=["sdf", "urdf"])
+@pytest.mark.parametrize("many, message", MANY, ids=[case[-1] for case in MANY])
+def test_a_robot_has_not_more_parts_than_drake_reads_in_time(text, many, message):
+    """The time of its parser grows with the square of some of them."""
+    end = "</link>"
+    refused(text, end, many + end, message)
