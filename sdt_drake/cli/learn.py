@@ -15,6 +15,7 @@ from sdt_drake.cli.common import Changes, Flag, Out, Trust, Whole, number, one_o
 from sdt_drake.cli.printing import echo, print_document_table, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, replacing_files
+from sdt_drake.io.signals import holding_signals
 
 if TYPE_CHECKING:
     from sdt_drake.machine.learn.filter import Convergence, LearningFilter
@@ -117,14 +118,16 @@ def _simulated(
         lessons = learn(design, filter_, count, stops=stops, report=report_flight)
         for line in report.learning_summary(lessons):
             echo(line)
-        with replacing_files(folder) as new:
-            report.write_learned(new, design, lessons)
-            report.write_learning_report(new, design, filter_, checks, lessons)
-    except KeyboardInterrupt:
+        with holding_signals() as released:
+            with replacing_files(folder) as new, released():
+                report.write_learned(new, design, lessons)
+                report.write_learning_report(new, design, filter_, checks, lessons)
+            report.remove_unfinished(folder)
+    except (KeyboardInterrupt, InputError) as error:
         if (kept / report.FLIGHTS).exists():
-            echo(f"interrupted; the flights so far are in {kept}; {goes_on}")
+            why = "" if isinstance(error, InputError) else "interrupted; "
+            echo(f"{why}the flights so far are in {kept}; {goes_on}")
         raise
-    report.remove_unfinished(folder)
     learned, scenario = folder / report.LEARNED, folder / report.SCENARIO
     echo(f"{learned} and {scenario} written")
     echo(f"next: sdt-drake simulate {shlex.quote(str(scenario))}")

@@ -17,7 +17,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.io.tables import write_table
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Recorded, without_spikes
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated, resampled
 from sdt_drake.robot.deviation import Deviation
@@ -54,6 +54,7 @@ ROUND_OFF = 1e-9
 """RMS below which a joint's recording counts as zero, as a share of the largest joint's RMS."""
 
 _CLEAR_SHARE = 0.02  # share of a recording's mean square by which another case must explain more
+_MOST = 2.0  # largest torque that the plant may lack, over the motor's limit
 _UNSATURATED_SHARE = 0.95  # share of the available torque below which a motor is not at its limit
 _WINDOW = 0.1  # s; faster changes of a torque are noise of encoders
 
@@ -68,7 +69,7 @@ class Replay(Shown):
     design: Design
     """Design of the scenario, with the recorded reference."""
     recorded: Recorded
-    """The recording."""
+    """The recording, without spikes."""
     measured: Signals
     """Signals of the recording."""
     start: Array
@@ -161,7 +162,8 @@ class Replay(Shown):
 def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     """Simulate a scenario along a recorded reference: as it is, and with one change at a time.
 
-    A recorded torque feedforward replaces the controller's own if the controller has PI loops.
+    Spikes of the recording are replaced first, see `without_spikes`. A recorded torque feedforward
+    replaces the controller's own if the controller has PI loops.
 
     Args:
         scenario: the scenario; its motion and its learned reference are not used.
@@ -172,6 +174,7 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
         InputError: for a recording without a reference, or without q, v and tau; and as in
             `resampled`, `make_design` and `simulate`.
     """
+    recorded = without_spikes(recorded, robot)
     signals = recorded.signals
     if not {"q_ref", "v_ref"} & set(signals):
         raise InputError(
@@ -193,7 +196,9 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
         courses = dict(zip(cases, with_progress(ran, len(cases)), strict=True))
     measured, start = _measured(motion, at)
     if "torque" in measured:
-        lacking = measured["torque"] - courses[AS_IT_IS]["torque"]
+        # No motor gives more, and the simulation of a joint that races would not end.
+        most = _MOST * robot.motor_torque_limit
+        lacking = np.clip(measured["torque"], -most, most) - courses[AS_IT_IS]["torque"]
         if "tau_ff" in at:
             courses[FEEDFORWARD] = {"torque": at["tau_ff"]}
         courses[FED] = _course(design, of_links, _smoothed(lacking, period))

@@ -11,6 +11,7 @@ import pytest
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.learn import flights
 from sdt_drake.machine.learn.filter import convergence, design_filter, refuse_divergence
 from sdt_drake.machine.learn.flights import fly, learn, next_step, reason_to_stop
 from sdt_drake.machine.learn.loops import (
@@ -322,3 +323,25 @@ def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, 
     good("learn", "five/unfinished/scenario.yaml", "--flights", "1", "--out", "on")
     before, after = (command_line.read_csv(desk / f"{x}/flights.csv") for x in ("two", "on"))
     assert after[1][1:] == before[2][1:]
+
+
+def test_no_end_leaves_flights_without_a_word(call, desk, monkeypatch):
+    """An error in the second flight, and Ctrl-C when all is written."""
+    monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)  # slow
+    command = ("learn", "../given/cascade.yaml", "--flights", "2", "--out")
+    own, remove = flights.fly, report.remove_unfinished
+
+    def failing(design, number):
+        if number == 2:
+            raise InputError("no second one")
+        return own(design, number)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(flights, "fly", failing)
+        done = call(*command, "failed")
+    assert done.code == 2 and "no second one" in done.err
+    assert "the flights so far are in failed/unfinished; to continue" in done.out
+    stop = [lambda: signal.raise_signal(signal.SIGINT)]
+    monkeypatch.setattr(report, "remove_unfinished", lambda x: (stop.pop()(), remove(x)))
+    assert call(*command, "done").code == 130
+    assert set(command_line.snapshot(desk / "done")) == {*report.FILES}

@@ -204,3 +204,18 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
     assert len(list(state.glob("flight_*"))) == len(list(state.glob("reference_*"))) == 3
     flown = [load_yaml(FlightRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
     assert flown == [2, 2]
+
+
+def test_what_a_recording_lacks_is_noted_and_not_learned(machine):
+    """A spike, as a logger's mark, and a last line that was cut off."""
+    path = machine.record(machine.flight())
+    state = State([], [LearnedReference(machine.design.motion)])
+    clean = teach(machine.design, machine.filter, state, [machine.read(path)])
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    rows[150][-1] = "0.5"
+    path.write_text("\n".join(map(",".join, rows))[:-30])
+    taught = teach(machine.design, machine.filter, state, [machine.read(path)])
+    notes = "\n".join(taught.notes)
+    assert "last line is incomplete" in notes and "q_4: 1 value(s) far from all around" in notes
+    off = np.abs(taught.step.learned.motion.q - clean.step.learned.motion.q).max()
+    assert off < 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.recordings import Recorded, read_recording
+from sdt_drake.machine.recordings import Recorded, read_recording, without_spikes
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
 from sdt_drake.run.scenario import Drive, Friction, with_fields
@@ -172,3 +172,51 @@ def test_bad_recordings_are_refused(design):
     ):
         with pytest.raises(InputError, match=f"a.csv: {said}"):
             replay(design.scenario, Recorded("a.csv", time, signals), design.robot)
+
+
+SPIKES = {"q": 10.0, "q_ref": -10.0, "v": 40.0, "v_ref": 40.0, "tau": 1e7}
+
+
+@pytest.mark.parametrize("name", SPIKES)
+def test_a_spike_is_told_and_no_part_of_what_is_explained(designed, tmp_path, name):
+    """A reference that jumps is followed by no machine: its error would explain itself."""
+    made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
+    recorded = recorded_run(made, tmp_path)
+    plain = replayed(made, recorded, {"controller.position_gain": list(made.position_gain / 3)})
+    recorded.signals[name][[60, 61, 150], 1] += SPIKES[name]
+    marked = recorded.signals[name].copy()
+    result = replayed(made, recorded, {"controller.position_gain": list(made.position_gain / 3)})
+    assert np.array_equal(recorded.signals[name], marked)  # the caller's own
+    for quantity in result.measured:
+        off = np.abs(result.explained(quantity) - plain.explained(quantity)).max()
+        assert off < 0.01, quantity
+    said = f"run.csv: {name}_2: 3 value(s) far from all around"
+    assert any(said in line for line in replay_findings(result))
+
+
+def test_steps_noise_and_quick_moves_are_no_spikes(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
+    recorded = recorded_run(made, tmp_path)
+    random = np.random.default_rng(1)
+    for name, values in recorded.signals.items():
+        values *= 1 if name == "tau" else 30
+        values[100:] += 5
+        values += random.normal(0, 1, values.shape)
+    assert without_spikes(recorded, made.robot).notes == ()
+
+
+def test_torques_that_no_motor_has_do_not_race_the_simulation(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=1.0, end=1.5)
+    recorded = recorded_run(made, tmp_path)
+    recorded.signals["tau"][20:60] = 1e7
+    result = replayed(made, recorded)
+    assert np.abs(result.courses["with the load that the model lacks"]["speed_error"]).max() < 1e3
+
+
+def test_what_was_ignored_on_reading_is_told(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=1.0, end=1.5)
+    recorded_run(made, tmp_path)
+    path = tmp_path / "run.csv"
+    path.write_text(path.read_text()[:-30])
+    result = replayed(made, read_recording(path, made.robot))
+    assert any("last line is incomplete" in line for line in replay_findings(result))

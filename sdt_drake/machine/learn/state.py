@@ -31,7 +31,7 @@ from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.flights import Step, next_step
 from sdt_drake.machine.learn.matching import match
-from sdt_drake.machine.recordings import Recorded, check_different
+from sdt_drake.machine.recordings import Recorded, check_different, without_spikes
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
@@ -160,6 +160,7 @@ def teach(
             references, or an error that has grown.
     """
     check_different(recordings)
+    recordings = [without_spikes(recorded, design.robot) for recorded in recordings]
     references = state.references if known is None else state.references[: known + 1]
     motions = [reference.motion for reference in references]
     found = [match(recorded, design, filter_, motions) for recorded in recordings]
@@ -176,7 +177,8 @@ def teach(
     error = np.mean([one.q for one in found], axis=0) - design.wanted.q
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
-    notes = _notes(flight, step, state)
+    notes = [f"{recorded.path}: {note}" for recorded in recordings for note in recorded.notes]
+    notes += _notes(flight, step, state)
     for one, recorded in zip(found, recordings, strict=True):
         if one.reference < 0:
             planned = "its q_ref is the planned motion, as in files of `simulate`"

@@ -87,6 +87,7 @@ def replay_findings(replay: Replay) -> list[str]:
         ],
     )
     checked = check_recording(replay.design.robot, recorded)
+    findings += [f"Note: {recorded.path.name}: {note}." for note in recorded.notes]
     return findings + [f"Warning: {recorded.path.name}: {found}" for found in checked]
 
 
