@@ -2,24 +2,33 @@
 
 import math
 import re
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sdt_drake.analysis.claims import OF_THE_PAPER, VERDICTS, judge_claims
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.illusions import feel, felt_apart
+from sdt_drake.analysis.reproduction import _run
 from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
+from sdt_drake.machine.fly.flight import read_flight
+from sdt_drake.machine.fly.option import Option, percept_of
 from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.flights import learn
 from sdt_drake.machine.learn.loops import loops_of
+from sdt_drake.motion import Motion
+from sdt_drake.robot.dynamics import decouple
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
 from sdt_drake.studies.verdicts import judge_candidates, recommend
+from sdt_drake.systems import gains, load_perception
 
 pytestmark = pytest.mark.documents
 
@@ -75,6 +84,71 @@ def test_what_the_printed_sign_makes_of_joint_2(reproduction):
     assert error / ours.max_abs_speed_error[1] == pytest.approx(ctc, abs=0.05)
     ratio = printed.constant_speed_error[1] / ours.constant_speed_error[1]
     assert ratio == pytest.approx(steady, abs=0.5)
+
+
+def test_table_of_what_depends_on_the_sign_of_0(reproduction, monkeypatch):
+    def other(inertial, coupled, *rest):  # what has no sign gets that of tau_coupled
+        inertial = np.where(inertial == 0, 1e-9 * np.sign(coupled), inertial)
+        return decouple(inertial, coupled, *rest)
+
+    design = reproduction.axis("pi").design
+    own, coupled = design.torques.inertial, design.torques.coupled
+    third = (np.sign(own) != np.sign(coupled)) & (np.abs(own) <= np.abs(coupled))
+    told = said(r"In (\S+), (\S+), (\S+) and (\S+) % of the branch joints 1 to 4 have no accel")
+    np.testing.assert_allclose(100 * (third & (own == 0)).sum(0) / third.sum(0), told, atol=0.051)
+
+    monkeypatch.setattr(import_module("sdt_drake.run.design"), "decouple", other)
+    monkeypatch.setattr(gains, "decouple", other)
+    runs = {
+        case: _run(reproduction.design, case) if case.algorithm == "printed" else run
+        for case, run in reproduction.runs.items()
+    }
+    rows = rows_of_table("| sign(0) = 0")
+    verdicts = []
+    for column, study in ((1, reproduction), (2, replace(reproduction, runs=runs))):
+        claims = {claim.id: claim for claim in judge_claims(study)}
+        verdicts.append({id_: claim.verdict for id_, claim in claims.items()})
+        kinds = [claim.verdict for claim in claims.values() if claim.kind == OF_THE_PAPER]
+        branch = third if column == 1 else third & (own != 0)
+        expected = [
+            100 * branch.mean(axis=0),
+            [claims["algorithm1_split"].computed["printed"]],
+            [claims["ctc_improves_tracking"].computed[name][1] for name in ("pi", "pi_ctc")],
+            [claims["joint2_errors_from_load_jumps"].computed["jump"]],
+            [claims["ctc_on_coupled_plant"].computed["pi_ctc_printed_sign"][1]],
+            [kinds.count(verdict) for verdict in VERDICTS],
+        ]
+        for row, numbers in zip(rows, expected, strict=True):
+            cells = row[column].split()
+            digits = len(cells[0].partition(".")[2])
+            assert cells == [f"{number:.{digits}f}" for number in numbers], row[0]
+    differ = {id_ for id_, verdict in verdicts[0].items() if verdict != verdicts[1][id_]}
+    assert differ == {"ctc_improves_tracking", "joint2_errors_from_load_jumps"}
+    # As the reasons of these claims say, joint 2 is then as with the consistent sign.
+    for controller in ("pi", "pi_ctc"):
+        errors = (
+            of.axis(controller, sign).tracking.max_abs_speed_error[1]
+            for of, sign in ((study, "printed"), (reproduction, "consistent"))
+        )
+        assert next(errors) == pytest.approx(next(errors), rel=1e-3)
+
+
+def test_a_device_at_rest_feels_more_like_the_turn_than_its_motion(robot):
+    rotation, vertical, moving, tilted, force, moved = said(
+        r"at rest errs by (\S+) deg/s of felt rotation and (\S+) deg of felt vertical .*? than "
+        r"the motion \((\S+) deg/s, (\S+) deg\)\. .*? is rest worse, (\S+) instead of (\S+) G"
+    )
+    flight, model, approach = read_flight("turn"), load_perception("slow_yaw"), 15.0
+    still = np.zeros((round((flight.duration + 2 * approach) / 0.005) + 1, 4))
+    rest = Option("rest", robot, Motion(0.005, still, still, still), flight, approach, model)
+    time = np.arange(0, flight.duration, 0.02)
+    found = rest.figures(percept_of(model, time, *flight.at(time)))
+    assert found["felt_rotation_rms_deg_s"] == pytest.approx(rotation, abs=0.051)
+    assert found["felt_vertical_rms_deg"] == pytest.approx(vertical, abs=0.051)
+    assert found["g_error_rms"] == pytest.approx(force, abs=5.1e-4)
+    assert rotation < moving and vertical < tilted and force > moved
+    (row,) = (row for row in rows_of_table("flight | G error") if row[0] == "turn")
+    assert row[1].startswith(f"{moved:g},") and row[2].startswith(f"{moving:g},")
 
 
 def test_sampled_drives_on_elastic_joints_are_unstable_from(designed):

@@ -173,9 +173,12 @@ def _algorithm1(results: Reproduction) -> Iterator[_Found]:
         split = of.robot.gear_ratio * (of.loads.load_torque - of.loads.alleviating_torque)
         miss[sign] = np.abs(split - design["printed"].torques.coupled)
     worst = {sign: float(values.max()) for sign, values in miss.items()}
-    share = (np.maximum(*miss.values()) > 1e-6).mean(axis=0)
+    third = np.maximum(*miss.values()) > 1e-6
+    own = design["printed"].torques.inertial
+    share, share_moving = third.mean(axis=0), (third & (own != 0)).mean(axis=0)
     computed = worst | {"share_of_samples": share.tolist()}
-    yield _Found("algorithm1_split", computed, worst["printed"] < 1e-6)
+    numbers = {"moving": ", ".join(f"{100 * s:.1f}" for s in share_moving)}
+    yield _Found("algorithm1_split", computed, worst["printed"] < 1e-6, numbers=numbers)
     helps = design["printed"].loads.alleviating_torque * design["printed"].motion.vd >= 0
     yield _Found("alleviating_sign", bool(helps.all()), bool(helps.all()))
 

@@ -31,7 +31,7 @@ def run(
     alone: Flag = False,
     trust: Trust = False,
 ) -> int | None:
-    """Find the device's motion that feels to the pilot most like a recorded flight.
+    """Search for a motion whose force and felt rotation come near those of a recorded flight.
 
     Ctrl-C ends the search and writes the best motion so far.
 

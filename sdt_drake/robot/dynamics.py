@@ -182,8 +182,14 @@ def decouple(
     coupling opposed, coupling larger), the paper prints tau_LD = -tau_k / r, which violates this
     identity by 2 tau_k; `sign="printed"` follows the paper.
 
+    Algorithm 1 compares signs, and sign(0) is 0 here. A joint without acceleration of its own is
+    therefore in the third branch, whatever its coupling torque is. The consistent loads do not
+    depend on this, but the printed load is then -tau_coupled / r.
+
     >>> decouple(inertial=[2.0], coupled=[-5.0], gear_ratio=[10])
     Loads(load_torque=array([-0.3]), alleviating_torque=array([0.2]))
+    >>> decouple([0.0, 1e-12], [5.0, 5.0], [1, 1], sign="printed").load_torque
+    array([-5.,  5.])
 
     Args:
         inertial: d_kk vd_k, joint side [N m], shape (n,) or (N, n).

@@ -204,7 +204,8 @@ class Scenario(Input, Shown):
     """"limiter": the paper's planner, which keeps the timing where the limits allow it. "retiming":
     keeps the path and slows down."""
     algorithm: Annotated[str, OneOf(SIGNS)] = "consistent"
-    """Sign of the third branch of Algorithm 1: "consistent", or "printed" as in the paper."""
+    """Sign of the third branch of Algorithm 1: "consistent", or "printed" as in the paper, with
+    sign(0) = 0."""
     inverse_dynamics: Annotated[str, OneOf(INVERSE_DYNAMICS)] = "table"
     """"table": load torques are computed before the run. "online": a block computes them."""
     accuracy: Number = setting(0.0001, ge=1e-12, le=0.01, unit="rad/s")

@@ -9,6 +9,7 @@ from test_findings import rows_of_table
 from sdt_drake.analysis.illusions import (
     PERIOD,
     Illusion,
+    Intended,
     feel,
     felt_apart,
     illusion_of,
@@ -81,7 +82,7 @@ def test_the_intended_error_has_its_sign_and_its_time(robot, sign, from_start, e
 @pytest.mark.parametrize("k", range(8))
 def test_the_table_of_findings_is_what_is_predicted(robot, k):
     """With one of the sets for each motion, in turn; the table shows which is not predicted."""
-    name, felt, *values = rows_of_table("motion | felt")[k]
+    name, felt, *values, _ = rows_of_table("motion | felt")[k]
     assert {row[0] for row in rows_of_table("motion | felt")} == set(shipped_motions())
     found = intended_illusion(name, robot, [SETS[k % 4]])
     assert felt.startswith(found.quantity)
@@ -89,6 +90,23 @@ def test_the_table_of_findings_is_what_is_predicted(robot, k):
     level = 2.5 if "rate" in felt else 1.7
     assert found.is_predicted(SETS[k % 4]) == (abs(found.predicted[SETS[k % 4]]) > level)
     assert (min(abs(float(value)) for value in values) > level) == (name != "g_excess")
+
+
+@pytest.mark.documents
+def test_five_of_the_illusions_need_no_canals(robot):
+    """A pilot who feels no rotation and takes the force for gravity; README says how many."""
+    rows = {name: float(row[-1]) for name, *row in rows_of_table("motion | felt")}
+    needless = []
+    for name, told in rows.items():
+        head, meant = planned_head(name, robot), illusion_of(name)
+        down = -head.specific_force
+        down = down / np.linalg.norm(down, axis=1, keepdims=True)
+        felt = replace(feel(head, PERIOD, "slow_yaw"), gravity=down, rate=0 * down)
+        error = largest_error(felt, head, meant)
+        assert error == pytest.approx(told, abs=0.051), name
+        if Intended(name, meant.quantity, {"none": error}).is_predicted("none"):
+            needless.append(name)
+    assert needless == ["leans", "graveyard_spiral", "coriolis", "somatogravic", "inversion"]
 
 
 def test_the_force_hides_the_bank_of_the_leans_until_the_roll_upright(robot):

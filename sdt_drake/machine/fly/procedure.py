@@ -1,4 +1,4 @@
-"""Search for the motion of a device that is felt most like a flight: `fly`."""
+"""Search for a motion of a device near a flight in force and felt rotation: `fly`."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _MAX_TILT = 1e-6  # of a vertical axis [rad]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flown(Shown):
-    """The motion that is felt most like a flight, with other motions to compare."""
+    """A motion near a flight in force and felt rotation, with other motions to compare."""
 
     chosen: Option
     """The best motion."""
@@ -125,7 +125,7 @@ def fly(
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
 ) -> Flown:
-    """Find the motion of a device that is felt most like a flight.
+    """Search for a motion of a device whose force and felt rotation come near those of a flight.
 
         >>> import numpy as np, sdt_drake as sdt
         >>> from sdt_drake.machine.fly.flight import make_flight

@@ -1,4 +1,4 @@
-"""Sequential quadratic programs for the motion that is felt most like a flight.
+"""Sequential quadratic programs for a motion near a flight in force and felt rotation.
 
 Variables are q, v and a of each joint at knots. Between knots a is linear, so v and q are exact:
 
