@@ -152,7 +152,8 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
     Each sampled part has its own period: the speed loop of the drive, the position loop of a
     cascade, a controller of the whole state. The model is exact at the samples of the slowest part.
     With encoders of finite resolution, speeds are differences of positions, as in the loop; the
-    increments themselves are left out.
+    increments themselves are left out. So is the delay of the reference: positions are sampled when
+    it arrives.
     """
     return close(design, linear_process(design, sample), linear_feedback(design, sample))
 

@@ -54,7 +54,8 @@ class Drive(Input):
     """Motor speed at which no driving torque is left. Default: that of the device's motors in the
     catalogue."""
     reference_delay: NotNegative = setting(0.0, unit="s")
-    """Delay of the planned motion and of the feedforward computed from it."""
+    """Delay of the planned motion and of the feedforward computed from it. Drives with a `period`
+    take both at their next sample. Position loops sample positions when they take them."""
 
     @property
     def envelope(self) -> Envelope | None:

@@ -28,6 +28,7 @@ from sdt_drake.systems import (
     RobotDrawing,
     SignalTable,
     add_meter,
+    arrival,
     connect_by_name,
     hold_of,
 )
@@ -56,8 +57,10 @@ class Loop(Diagram):
 
     With `reference="external"` the loop has no planned reference and no hold. Its input `reference`
     takes [q_ref, v_ref, vd_ref] of length 3 n, joint side [rad, rad/s, rad/s²]. The scenario's
-    motion still determines the tuning and the duration of a run. With `controller="external"` the
-    input `tau_cmd` takes the torque, motor side [N m].
+    motion still determines the tuning and the duration of a run. Its `drive.reference_delay` does
+    not act: the reference is in force as it comes, and should change at the samples of the motion,
+    where position loops sample. With `controller="external"` the input `tau_cmd` takes the torque,
+    motor side [N m].
 
     Args:
         design: a design, or a scenario, which is resolved here.
@@ -82,6 +85,7 @@ class Loop(Diagram):
         design: the design of the loop.
         controller: the system that commands the torque.
         widened: whether the alleviating torque widens the motors' limits.
+        delay: delay of the reference [s]; 0 if it is external.
         updates: times of the updates of the controller's inputs within a period, from 0 to the
             period [s]. The period is that of the drives, or of the reference for continuous drives.
         predicts_updates: whether the command just after each update follows from the log. Otherwise
@@ -146,7 +150,8 @@ class Loop(Diagram):
         else:
             self._device = add_moved(builder, design, *checked_moved(design, moved))
             self._friction, loads = None, {}
-        self._encoders = _add_encoders(builder, design, controller)
+        self.delay = 0.0 if reference == EXTERNAL else drive.reference_delay
+        self._encoders = _add_encoders(builder, design, controller, self.delay)
         if meshcat is not None:
             add("drawing", RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period))
 
@@ -170,7 +175,7 @@ class Loop(Diagram):
         states = ("state", "measured")
         self.logs = add_logs(builder, {x: signals[x] for x in states}, motion.period)
         self.logs |= add_logs(builder, each_step, None)
-        self.updates = _update_times(design)
+        self.updates = _update_times(design, self.delay)
         is_planned = reference != EXTERNAL
         is_on_time = len(self.updates) == 2
         self.predicts_updates = is_planned and is_on_time and predicts_updates(controller)
@@ -239,8 +244,9 @@ class Loop(Diagram):
         """Return the logged signals by name, each of shape (samples, size).
 
         Torques are those just before each update of the drives, or of the reference for continuous
-        drives. "torques" has them side by side at the ends of the integrator's steps, at the times
-        "step_time". An update at which a run stopped has two rows there.
+        drives; the first are those just after the update. "torques" has them side by side at the
+        ends of the integrator's steps, at the times "step_time". An update at which a run stopped
+        has two rows there.
 
         Args:
             context: a context of this diagram.
@@ -254,6 +260,7 @@ class Loop(Diagram):
         period = self.updates[-1]
         count = round(times[-1] / period) + 1
         at = np.searchsorted(times, (np.arange(count) - 1e-6) * period)
+        at[0] = np.searchsorted(times, 0.0, "right") - 1
         torques = np.hsplit(signals["torques"][at], 4)[:3]
         return signals | dict(zip(_TORQUES, torques, strict=True))
 
@@ -290,13 +297,11 @@ _SIGNALS: Aliases = {
 """Names of the signals at ports that are named differently, in every loop."""
 
 
-def _update_times(design: Design) -> Array:
+def _update_times(design: Design, delay: float) -> Array:
     """Return the times of updates within a period of the drives [s]; see `Loop.updates`."""
-    drive = design.drive
-    period = drive.period or design.reference.period
-    late = drive.reference_delay % period  # when the reference arrives
-    on_time = min(late, period - late) < 1e-6 * period
-    return np.array([0.0, period] if on_time else [0.0, late, period])
+    period = design.drive.period or design.reference.period
+    late = arrival(delay, period)
+    return np.array([0.0, period] if late == 0 else [0.0, late, period])
 
 
 NO_LIMIT = 1e9
@@ -335,22 +340,26 @@ def _add_load_torque(
     return None
 
 
-def _add_encoders(builder: DiagramBuilder, design: Design, controller: System) -> list[Encoder]:
-    """Add the encoders of sampled drives, and an encoder at the instants of the reference.
+def _add_encoders(
+    builder: DiagramBuilder, design: Design, controller: System, delay: float
+) -> list[Encoder]:
+    """Add the encoders of sampled drives, and an encoder that samples when the reference arrives.
 
     The latter is added if the controller has an input for it.
     """
     drive, robot = design.drive, design.robot
-    periods = {} if drive.period is None else {"encoder": drive.period}
+    timing = {} if drive.period is None else {"encoder": (drive.period, 0.0)}
     if controller.HasInputPort("sampled_state"):
-        periods["position_encoder"] = design.reference.period
+        period = design.reference.period
+        timing["position_encoder"] = period, arrival(delay, period)
     encoders = []
-    for name, period in periods.items():
+    for name, (period, offset) in timing.items():
         encoder = Encoder(
             n=robot.n,
             period=period,
             resolution=drive.encoder_resolution,
             gear_ratio=robot.gear_ratio,
+            offset=offset,
         )
         builder.AddNamedSystem(name, encoder)
         encoders.append(encoder)

@@ -56,12 +56,14 @@ def held_reference(scenario: Scenario, motion: Motion) -> Motion:
 
 
 def drive_on_clock(drive: Drive, reference: Motion) -> Drive:
-    """Return a drive with period and delay rounded to the clock of a held reference."""
+    """Return a drive with its period on the clock of a held reference, and with its true delay.
+
+    A drive that samples takes a reference at its first sample after the arrival.
+    """
     if drive.period is None:
         return drive
-    period, delay = reference.period / _samples(drive, reference), drive.reference_delay
-    if abs(delay / period - round(delay / period)) < 1e-6:
-        delay = round(delay / period) * period
+    period = reference.period / _samples(drive, reference)
+    delay = math.ceil(drive.reference_delay / period - 1e-6) * period
     return replace(drive, period=period, reference_delay=delay)
 
 

@@ -317,6 +317,7 @@ def _run(simulator: Simulator, loop: Loop) -> None:
     # interpreter's lock at every step, so that runs could not go in parallel.
     interruptible = threading.current_thread() is threading.main_thread()
     samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
+    simulator.AdvancePendingEvents()  # the first row of the log is that after the first update
     if loop.predicts_updates:
         for end in with_progress(np.unique(np.linspace(0, samples, N_SLICES + 1, dtype=int))[1:]):
             simulator.AdvanceTo(end * period, interruptible=interruptible)

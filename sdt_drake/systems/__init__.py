@@ -11,7 +11,7 @@ their ports. All are vectors of length n unless the table gives another length:
     state                [q, v] of the plant, joint side [rad, rad/s], length 2n
     motor_state          [q, v] of the motors of elastic joints, joint side, length 2n
     measured             [q, v] as measured by an encoder, joint side, length 2n
-    sampled_state        [q, v] sampled at the instants of the reference, joint side, length 2n
+    sampled_state        [q, v] sampled when the reference arrives, joint side, length 2n
     load_torque          load of the motors, motor side [N m]; for the reference, tau_LD of
                          Algorithm 1
     alleviating_torque   tau_alleviate of Algorithm 1, motor side [N m]
@@ -46,7 +46,13 @@ from sdt_drake.systems.meter import add_meter, mean_torque
 from sdt_drake.systems.orientation import InternalModel, OrientationObserver, load_perception
 from sdt_drake.systems.pi import PiSpeedController
 from sdt_drake.systems.position_loop import PositionLoop
-from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
+from sdt_drake.systems.reference import (
+    ReferenceSource,
+    SignalTable,
+    arrival,
+    hold_of,
+    sample_source,
+)
 from sdt_drake.systems.robot_drawing import RobotDrawing
 from sdt_drake.systems.robot_plant import RobotPlant
 from sdt_drake.systems.saturation import DynamicSaturation
@@ -59,5 +65,6 @@ __all__ = [
     "GainSchedule", "InternalModel", "InverseDynamicsController", "JointFriction", "LoadTorque",
     "OrientationObserver", "PiSpeedController", "PositionLoop", "ReferenceSource",
     "ReferenceTorque", "RobotDrawing", "RobotPlant", "SignalTable", "SymbolicLaw", "TorqueLoop",
-    "add_meter", "connect_by_name", "hold_of", "load_perception", "mean_torque", "sample_source",
+    "add_meter", "arrival", "connect_by_name", "hold_of", "load_perception", "mean_torque",
+    "sample_source",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 
 class Encoder(Diagram):
-    """An encoder: samples the state [q, v], joint side, at 0, period, 2 period ... and holds it.
+    """An encoder: samples the state [q, v], joint side, every period from `offset` on and holds it.
 
     With a resolution, the positions are those of an incremental encoder on the motor's shaft. The
     speeds are their differences, which lag by half a period:
@@ -26,6 +26,7 @@ class Encoder(Diagram):
         period: sample period [s], > 0.
         resolution: N, increments per revolution of the motor [-], shape (n,); ideal by default.
         gear_ratio: r [-], shape (n,); required with a resolution.
+        offset: time of the first sample [s]; 0 by default.
 
     .. pydrake_system::
 
@@ -41,15 +42,17 @@ class Encoder(Diagram):
         period: float,
         resolution: ArrayLike | None = None,
         gear_ratio: ArrayLike | None = None,
+        offset: float = 0.0,
     ) -> None:
         super().__init__()
         builder = DiagramBuilder()
         add, connect = builder.AddNamedSystem, builder.Connect
         checked_count(n, "n")
         self._period = checked_number(period, "period", minimum=0, exclusive=True)
+        self._offset = checked_number(offset, "offset", minimum=0)
         self._increment = None
         if resolution is None:
-            self._now = ZeroOrderHold(period, 2 * n)
+            self._now = ZeroOrderHold(period, 2 * n, offset)
             add("now", self._now)
             builder.ExportInput(self._now.get_input_port(), "state")
             builder.ExportOutput(self._now.get_output_port(), "measured")
@@ -67,7 +70,7 @@ class Encoder(Diagram):
             difference = np.block([[one, zero], [one / period, -one / period]])
             counts = add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
             # `before` is updated at the same instants, with the value that `now` held until then.
-            self._now, self._before = ZeroOrderHold(period, n), ZeroOrderHold(period, n)
+            self._now, self._before = (ZeroOrderHold(period, n, offset) for _ in range(2))
             now, before = add("now", self._now), add("before", self._before)
             samples = add("samples", Multiplexer([n, n]))
             measured = add("difference", MatrixGain(difference))
@@ -81,12 +84,17 @@ class Encoder(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
-        """Set the samples of a steady motion through q [rad] at v [rad/s], joint side."""
+        """Set the samples of a steady motion through q [rad] at v [rad/s], joint side.
+
+        Without an offset, a sample at time 0 follows. The last one before is then a period old.
+        """
         now = self.GetMutableSubsystemContext(self._now, context)
         if self._increment is None:
             self._now.SetVectorState(now, np.concatenate([q, v]))
             return
-        count = np.floor(np.asarray(q) / self._increment) * self._increment
+        q, turned = np.asarray(q), self._period * np.asarray(v)
+        last = q if self._offset else q - turned
+        count = np.floor(last / self._increment) * self._increment
         self._now.SetVectorState(now, count)
         before = self.GetMutableSubsystemContext(self._before, context)
-        self._before.SetVectorState(before, count - self._period * np.asarray(v))
+        self._before.SetVectorState(before, count - turned)

@@ -13,8 +13,8 @@ class PositionLoop(Diagram):
 
         speed_reference = [q_ref, v_ref + K_V (q_ref - q), vd_ref]        joint side
 
-    The state must be sampled at the instants of the reference: a held q_ref lags the continuous
-    state by half its period. The speed is not limited.
+    The state must be sampled at the instants at which the reference arrives: a held q_ref lags the
+    continuous state by half its period. The speed is not limited.
 
     Args:
         position_gain: K_V [1/s], shape (n,), > 0.

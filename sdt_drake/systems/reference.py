@@ -82,10 +82,17 @@ def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:
     The hold itself does not delay: a sample is valid from its own instant on. A log contains the
     values before the update at its instant.
     """
-    period = motion.period
+    return ZeroOrderHold(motion.period, size, arrival(delay, motion.period))
+
+
+def arrival(delay: float, period: float) -> float:
+    """Return the time within a period at which samples with a delay arrive, 0 <= t < period [s].
+
+    Blocks with this offset and the same period update at the same instants, to the last bit.
+    """
     late = delay % period
-    exact = min(late, period - late) < 1e-9 * period
-    return ZeroOrderHold(period, size, 0.0 if exact else late)
+    is_on_time = min(late, period - late) < 1e-6 * period
+    return 0.0 if is_on_time else late
 
 
 def sample_source(time: Array, samples: Array) -> TrajectorySource:

@@ -57,6 +57,8 @@ def cascade(designed):
         ("p_pi+id", {"held_speed": "mean"}, "reference"),
         ("p_pi", SPRINGS, "reference"),
         ("p_pi", {"drive.reference_delay": 0.01}, "reference"),
+        ("p_pi", {"drive.reference_delay": 0.0025}, "reference"),
+        ("p_pi+id", DRIVE | {"drive.reference_delay": 0.0017}, "reference"),
         ("p_pi", None, "torque"),
     ],
 )

@@ -87,6 +87,15 @@ def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, labe
         assert np.abs(steady(label, fields, speed=1.5).speed_error).max() < 1e-5
 
 
+@pytest.mark.parametrize("label", ["pi", "p_pi", "inverse_dynamics"])
+def test_a_joint_that_turns_goes_on_before_encoders_that_count(steady, label):
+    """Speeds are differences of positions, the first one, too."""
+    drive = {"drive": Drive(period=0.001, encoder_resolution=[2**22] * 4)}
+    recording = steady(label, drive, speed=1.5)
+    assert np.abs(recording.speed_error).max() < 1e-3
+    assert recording.tau_peak[:, 0].max() < 20  # N m; an increment in 1 ms is 0.4 N m
+
+
 @pytest.mark.parametrize("encoder", ["motor", "link"])
 @pytest.mark.parametrize("label", ["pi", "p_pi"])
 def test_springs_are_wound_and_encoders_on_the_reference(steady, label, encoder):

@@ -8,7 +8,7 @@ from functools import cache
 import alone
 import numpy as np
 import pytest
-from alone import GEAR, LIMIT, PERIOD, Alone, N, exact, inputs_of, made, outputs_of
+from alone import GEAR, LIMIT, PERIOD, Alone, N, inputs_of, made, outputs_of
 from hypothesis import given
 from laws import CASES, DEVICE, TIME
 from pydrake.common.yaml import yaml_load
@@ -119,7 +119,8 @@ def test_law(case, rng):
 Q, V = np.random.default_rng(3).normal(size=(2, 4))
 STATE = np.concatenate([Q[:N], V[:N]])
 INCREMENT = 2 * np.pi / (np.array(alone.RESOLVED["resolution"]) * GEAR)
-COUNTED = np.concatenate([np.floor(Q[:N] / INCREMENT) * INCREMENT, V[:N]])
+Q_BEFORE, Q_NOW = (np.floor(x / INCREMENT) * INCREMENT for x in (Q[:N] - PERIOD * V[:N], Q[:N]))
+LATE = alone.RESOLVED | {"offset": 0.4 * PERIOD}
 STILL = {"reference": np.zeros(3 * N), "state": np.zeros(2 * N)}
 LOOP = {"bandwidth": 300.0, "error": alone.ERROR}
 STARTS = [  # of what, with what it starts, and the output then
@@ -127,7 +128,8 @@ STARTS = [  # of what, with what it starts, and the output then
     ("RobotPlant", {}, [Q, V], {}, "state", np.concatenate([Q, V])),
     ("ElasticJoints", {}, [Q[:N], V[:N]], {"state": STATE}, "motor_state", STATE),
     ("Encoder", {}, [Q[:N], V[:N]], {}, "measured", STATE),
-    ("Encoder", alone.RESOLVED, [Q[:N], V[:N]], {}, "measured", COUNTED),
+    ("Encoder", alone.RESOLVED, [Q[:N], V[:N]], {}, "measured", np.append(Q_BEFORE, V[:N])),
+    ("Encoder", LATE, [Q[:N], V[:N]], {}, "measured", np.append(Q_NOW, V[:N])),
     ("PiSpeedController", {}, [LIMIT], STILL, "tau_fb", LIMIT),
     ("PiSpeedController", {"period": PERIOD}, [LIMIT], STILL, "tau_fb", LIMIT),
     ("TorqueLoop", LOOP, [LIMIT], {"tau_limited": LIMIT / (1 + alone.ERROR)}, "tau", LIMIT),
@@ -142,7 +144,8 @@ def test_a_block_starts_as_it_is_told(robot, name, changes, start, inputs, outpu
     np.testing.assert_allclose(block.output(output), expected, rtol=1e-9)
     if name == "TorqueLoop":
         assert np.all(np.abs(block.derivatives()) < 1e-9)
-    if "resolution" in changes:  # at time 0 it samples once more
+    if changes is alone.RESOLVED:  # at time 0 it samples once more
         block.give(state=STATE)
         block.sample(0.0)
-        exact(block.output("measured")[N:], np.zeros(N))
+        turned = Q_NOW - Q_BEFORE
+        np.testing.assert_allclose(block.output("measured"), [*Q_NOW, *turned / PERIOD], atol=1e-12)
