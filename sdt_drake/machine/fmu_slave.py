@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 from operator import itemgetter, setitem
 from pathlib import Path
@@ -16,6 +17,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
 from sdt_drake.io.versions import versions
 from sdt_drake.machine.fmu import ABOUT, SCENARIO, open_loop
+from sdt_drake.robot.device import Friction, friction_parameters
 from sdt_drake.robot.head import has_head, head_motion
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
@@ -26,7 +28,7 @@ _INPUTS = {"torque": ("tau_cmd",), "reference": ("q_ref", "v_ref", "vd_ref")}
 _MEANINGS = {
     "payload_mass": "payload in addition to the robot file [kg]",
     "viscous_friction": "joint side [N m s/rad]",
-    "coulomb_friction": "joint side [N m]",
+    "coulomb_friction": "joint side [N m]; breakaway friction changes in proportion",
     "q_start": "initial angle, at rest; joint side [rad]",
     "tau_cmd": "torque command of the drive, motor side [N m]",
     "q_ref": "reference angle, joint side [rad]",
@@ -38,6 +40,15 @@ _MEANINGS = {
     "specific_force": "a - g at the head, x forward, y left, z up [m/s²]",
     "angular_rate": "angular rate of the head, about the same axes [rad/s]",
 }
+
+
+def _changed(friction: Friction, viscous: Array, coulomb: Array) -> Friction:
+    """Return friction with other viscous and Coulomb parts; breakaway changes with the latter."""
+    own = friction_parameters(friction, len(coulomb))
+    share = np.divide(coulomb, own.coulomb, out=np.ones_like(coulomb), where=own.coulomb > 0)
+    breakaway = np.maximum(share * own.breakaway, coulomb)
+    b, f_c, f_b = (x.tolist() if x.any() else None for x in (viscous, coulomb, breakaway))
+    return replace(friction, viscous=b, coulomb=f_c, breakaway=f_b)
 
 
 class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
@@ -64,11 +75,12 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.description = f"{design.scenario.name}: the loop of sdt_drake {here}"
         self.default_experiment = DefaultExperiment(0.0, design.motion.duration, self._period)
 
-        first, friction = design.motion.q[0], self._scenario.plant.friction
+        first, self._friction = design.motion.q[0], self._scenario.plant.friction
+        friction = friction_parameters(self._friction, n)
         self._parameters = {
             "payload_mass": np.array([self._scenario.plant.deviation.payload_mass]),
-            "viscous_friction": np.array(friction.viscous or np.zeros(n)),
-            "coulomb_friction": np.array(friction.coulomb or np.zeros(n)),
+            "viscous_friction": np.array(friction.viscous),
+            "coulomb_friction": np.array(friction.coulomb),
             "q_start": np.array(first),
         }
         start = {"q_ref": first, "v_ref": np.zeros(n), "vd_ref": np.zeros(n)}
@@ -121,12 +133,11 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def _begin(self) -> None:
         """Build the loop with the parameters and start it at rest."""
-        plant = self._scenario.plant
-        plant.deviation.payload_mass = float(self._parameters["payload_mass"][0])
-        for name in ("viscous", "coulomb"):
-            values = self._parameters[f"{name}_friction"]
-            if values.any():
-                setattr(plant.friction, name, values.tolist())
+        plant, parameters = self._scenario.plant, self._parameters
+        plant.deviation.payload_mass = float(parameters["payload_mass"][0])
+        plant.friction = _changed(
+            self._friction, parameters["viscous_friction"], parameters["coulomb_friction"]
+        )
         design = make_design(self._scenario, motion=self._design.wanted)
         self._loop = open_loop(design, self._given)
         self._simulator = make_simulator(

@@ -1,7 +1,7 @@
 """Loops as FMUs, which FMPy runs, beside the same loops run here."""
 
 import tempfile
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 import pytest
@@ -96,13 +96,20 @@ def test_ten_seconds_are_those_of_the_direct_run(by_reference):
 
 
 def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path):
-    """Two instances at a time, one with a heavier payload and friction."""
-    design = designed("coupled_pi", end=0.3)
+    """Three instances at a time: as exported, without friction, and with other parameters."""
+
+    def made(payload=0.0, **friction):
+        fields = {"plant.friction": Friction(**friction), "plant.deviation.payload_mass": payload}
+        return designed("coupled_pi", fields, end=0.3)
+
+    viscous, coulomb = np.array([[100.0, 10.0, 0.0, 10.0], [270.0, 80.0, 0.0, 43.0]])
+    stuck = {"coulomb": coulomb.tolist(), "breakaway": (1.5 * coulomb + 5).tolist()}
+    design = made(viscous=viscous.tolist(), **stuck)
     write_fmu(design, tmp_path / "loop.fmu")
-    friction = Friction(viscous=[50.0, 20.0, 20.0, 10.0])
-    changed = designed(
-        "coupled_pi", {"plant.deviation.payload_mass": 20.0, "plant.friction": friction}, end=0.3
-    )
+    # Breakaway changes in proportion to Coulomb, of joint 3 it is 5 N m.
+    less = {"coulomb": [135.0, 80.0, 2.0, 0.0], "breakaway": [205.0, 125.0, 5.0, 0.0]}
+    changed = made(20.0, viscous=[50.0, 20.0, 20.0, 10.0], **less)
+    smooth = made(breakaway=[0.0, 0.0, 5.0, 0.0])
     start, tau = np.array([0.3, 0.5, -0.2, 0.1]), np.array([50.0, 900.0, 100.0, 10.0])
 
     def here(own):
@@ -112,13 +119,20 @@ def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path
         builder.Connect(source.get_output_port(), loop.GetInputPort("tau_cmd"))
         return simulate(own, builder.Build(), q=start).q[50]
 
-    with running(tmp_path / "loop.fmu") as plain, running(tmp_path / "loop.fmu") as other:
-        plain.begin(q_start=start, tau_cmd=tau)
-        payload = {"payload_mass": [20.0], "viscous_friction": friction.viscous}
-        other.begin(q_start=start, tau_cmd=tau, **payload)
-        for _ in range(25):
-            plain.step(2 * PERIOD)
-            other.step(2 * PERIOD)
-        np.testing.assert_allclose(plain.get("q"), here(design), atol=1e-6)
-        np.testing.assert_allclose(other.get("q"), here(changed), atol=1e-6)
-        assert np.abs(plain.get("q") - other.get("q")).max() > 1e-3
+    other = {
+        name: changed.scenario.plant.friction.__dict__[name] for name in ("viscous", "coulomb")
+    }
+    parameters = {
+        design: {},
+        smooth: {"viscous_friction": [0.0] * 4, "coulomb_friction": [0.0] * 4},
+        changed: {"payload_mass": [20.0]} | {f"{k}_friction": x for k, x in other.items()},
+    }
+    with ExitStack() as stack:
+        fmus = [stack.enter_context(running(tmp_path / "loop.fmu")) for _ in parameters]
+        for fmu, given in zip(fmus, parameters.values(), strict=True):
+            fmu.begin(q_start=start, tau_cmd=tau, **given)
+        for fmu in 25 * fmus:
+            fmu.step(2 * PERIOD)
+        found = np.array([fmu.get("q") for fmu in fmus])
+    np.testing.assert_allclose(found, [here(own) for own in parameters], atol=1e-6)
+    assert np.abs(np.diff(found, axis=0)).max(axis=1).min() > 1e-3
