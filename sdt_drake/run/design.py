@@ -104,13 +104,11 @@ class Design(Shown):
     @cached_property
     def loads(self) -> Loads:
         """Loads of each motor by Algorithm 1 with the scenario's sign, motor side."""
-        return self._loads(self.torques)
+        return self.loads_along(self.motion)
 
-    def steady_load(self, start: Motion) -> Array:
-        """Return the load torque in steady motion at a sample, motor side [N m], shape (n,)."""
-        return self._loads(torques_along(self.loaded_robot, start)).load_torque[0]
-
-    def _loads(self, torques: TorqueGroups) -> Loads:
+    def loads_along(self, motion: Motion) -> Loads:
+        """Return the loads of each motor along any motion, as `loads` along the reference."""
+        torques = torques_along(self.loaded_robot, motion)
         ratio, algorithm = self.nominal.gear_ratio, self.scenario.algorithm
         return decouple(torques.inertial, torques.coupled, ratio, algorithm)
 

@@ -210,7 +210,7 @@ def _holding_torque(design: Design, q: Array, start: Motion, loaded: bool) -> Ar
     """Return the torque that keeps joints at angles q at the initial speed, motor side [N m]."""
     robot, v = design.robot, start.v[0]
     if design.scenario.plant.kind == "axis":  # its load depends on the reference alone
-        load = design.steady_load(start) if loaded else np.zeros(robot.n)
+        load = design.loads_along(start).load_torque[0] if loaded else np.zeros(robot.n)
     else:
         load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio
     if design.friction is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from traceback import extract_tb
 from typing import TYPE_CHECKING, Annotated
@@ -21,7 +21,7 @@ from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
-from sdt_drake.motion import LearnedReference, Motion
+from sdt_drake.motion import Motion
 from sdt_drake.run.controllers import in_errors, own_code
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.loop import Loop, make_loop
@@ -348,12 +348,12 @@ def _loop_in(design: Design, diagram: Diagram) -> Loop:
 def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
     """Return the recording of a run from the logged signals."""
     design = loop.design
+    motion, loads, held = design.wanted, design.loads, arrived(design, design.wanted.time)
     if "reference" in signals:  # an external reference takes the place of the planned motion
-        period, time = design.motion.period, signals["step_time"]
-        after = np.searchsorted(time, (np.arange(len(design.wanted.v)) + 1e-6) * period) - 1
-        fed = Motion(period, *np.hsplit(signals["reference"][after], 3))
-        design = replace(design, wanted=fed, learned=LearnedReference(fed))
-    motion, load = design.wanted, design.loads.load_torque
+        period, time, index = motion.period, signals["step_time"], np.arange(len(motion.v))
+        after = np.searchsorted(time, (index + 1e-6) * period) - 1
+        motion = Motion(period, *np.hsplit(signals["reference"][after], 3))
+        loads, held = design.loads_along(motion), np.maximum(index - 1, 0)
     q, v = np.hsplit(signals["state"], 2)
     q_seen, v_seen = np.hsplit(signals["measured"], 2)
     samples = (len(signals["tau"]) - 1) // (len(q) - 1)
@@ -364,7 +364,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
         v_ref=motion.v,
         q=q,
         v=v,
-        load_torque=load[arrived(design, motion.time)],  # held just before each update
+        load_torque=loads.load_torque[held],  # held just before each update
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,

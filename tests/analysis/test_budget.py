@@ -69,7 +69,7 @@ def test_each_part_is_the_one_by_hand(budgets):
     load, v_ref = design.loads.load_torque, design.motion.v
     # The last sample arrives at its own instant: the reference before it was still in force.
     lag = linear_loop(design, lambda t, i: 0, v_ref) - v_ref
-    carried = 0.5 * design.steady_load(steady(design.motion))
+    carried = 0.5 * design.loads_along(steady(design.motion)).load_torque[0]
     unfed = linear_loop(design, lambda t, i: 0.5 * load[i], 0 * v_ref, carried)
     unknown = linear_loop(design, lambda t, i: 0.05 * np.sin(2 * np.pi * t) * load[i], 0 * v_ref)
     for part, expected in (("reference lag", lag), ("load", unfed), ("disturbance", unknown)):

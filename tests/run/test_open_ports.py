@@ -54,6 +54,23 @@ def test_the_planned_motion_from_outside_gives_the_same_run(designed, label, fie
         np.testing.assert_allclose(own, wanted, atol=1e-8, err_msg=name)
 
 
+def test_a_reference_from_outside_may_exceed_the_limits_and_is_not_delayed(designed):
+    """The yaw joint has 6.28 rad/s, and a motor for a part of these speeds."""
+    t = np.linspace(0, 1, 101)
+    motion = Motion.from_speeds(0.005, LOADED, np.outer(np.sin(np.pi * t) ** 2, [0, 0, 0, 12.0]))
+
+    def made(delay):
+        fields = kind("p_pi") | ONLINE | {"drive": Drive(reference_delay=delay)}
+        return designed("coupled_pi", fields, motion=motion)
+
+    design, late = made(0.0), made(0.0075)
+    planned = simulate(design)
+    assert planned.v_ref.max() > 6.2832 and planned.saturated[:, 3].mean() > 0.1
+    for external in (simulate(design, fed(design)), simulate(late, fed(late))):
+        for name in ("q", "v", "q_ref", "v_ref", "load_torque"):
+            np.testing.assert_array_equal(getattr(external, name), getattr(planned, name), name)
+
+
 @pytest.mark.parametrize(
     ("label", "speed", "encoder"),
     [("p_pi+id", 0.0, "motor"), ("pi_ctc", 0.7, "motor"), ("p_pi+id", 0.7, "link")],
