@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput
 
-from sdt_drake.robot.device import OVERFLOW_RATE, Friction, friction_parameters
+from sdt_drake.robot.device import (
+    OVERFLOW_RATE,
+    PRESLIDING_DAMPING_TIME,
+    Friction,
+    friction_parameters,
+    sliding_friction,
+    sliding_stretch,
+)
+from sdt_drake.run.device_diagram import make_process
 from sdt_drake.run.simulate import make_simulator
 from sdt_drake.systems import JointFriction
 
@@ -17,11 +25,17 @@ BLOCK = JointFriction(friction=FRICTION, gear_ratio=GEAR)
 
 def force_and_rate(stretch, v):
     """Return F - F_0 [N m] and the rate of z / z_c [1/s] of bristles at z / z_c, joint side."""
-    context = BLOCK.CreateDefaultContext()
+    force, rate = torque_and_rate(BLOCK, stretch, v)
+    return GEAR * force - FRICTION.offset, rate
+
+
+def torque_and_rate(block, stretch, v):
+    """Return the block's output [N m], motor side, and the rate of z / z_c [1/s]."""
+    context = block.CreateDefaultContext()
     context.SetContinuousState(stretch / 100)  # the state's unit
-    BLOCK.get_input_port().FixValue(context, np.append(np.zeros(N), v))
-    force = GEAR * BLOCK.get_output_port().Eval(context) - FRICTION.offset
-    return force, 100 * BLOCK.EvalTimeDerivatives(context).CopyToVector()
+    block.get_input_port().FixValue(context, np.append(np.zeros(len(v)), v))
+    rate = 100 * block.EvalTimeDerivatives(context).CopyToVector()
+    return block.get_output_port().Eval(context), rate
 
 
 def vectors(size):
@@ -42,6 +56,42 @@ def test_no_motion_gives_more_friction_than_breakaway_or_any_energy(stretch, v):
     assert np.all(np.abs(force) <= largest * (1 + 1e-12))
     stored = FRICTION.coulomb * np.clip(stretch, -1, 1) * FRICTION.presliding * rate
     assert np.all(force * v - stored >= -1e-9 * np.abs(force * v))
+
+
+@given(v=vectors(20.0))
+def test_steady_sliding_is_the_law_of_feedforward_demand_and_start(v):
+    force, rate = force_and_rate(sliding_stretch(FRICTION, v), v)
+    np.testing.assert_allclose(force + FRICTION.offset, sliding_friction(FRICTION, v), rtol=1e-9)
+    assert np.all(np.abs(rate) <= 1e-9 * np.abs(v) / FRICTION.presliding)
+
+
+def slope(block, stretch, v):
+    """Return the derivative of the block's output with respect to v [N m s/rad]."""
+    step = 1e-7  # rad/s; T times it is 5e-5 of z_c
+    up, down = (torque_and_rate(block, stretch, v + s * step)[0] for s in (1, -1))
+    return (up - down) / (2 * step)
+
+
+@given(stretch=vectors(500.0), v=vectors(20.0))
+def test_no_slope_is_steeper_than_the_poles_that_a_design_checks(stretch, v):
+    """A sticking joint has T F_c / z_c, a creeping one up to 2 (F_b - F_c) / v_s, and all b."""
+    sticking = PRESLIDING_DAMPING_TIME * FRICTION.coulomb / FRICTION.presliding
+    peak = (FRICTION.breakaway - FRICTION.coulomb) / FRICTION.stribeck_speed
+    steepest = GEAR * slope(BLOCK, stretch, v)
+    assert np.all(steepest <= (sticking + 2 * peak + FRICTION.viscous) * (1 + 1e-4))
+    at_rest = GEAR * slope(BLOCK, np.zeros(N), np.zeros(N))
+    assert at_rest == pytest.approx(sticking + np.exp(0.5) * peak + FRICTION.viscous, rel=1e-4)
+
+
+def test_linear_loops_have_the_slope_of_joints_that_slide_fast(designed):
+    """`bode`, `linear`, `stability` and the check of `learn` are made from one process."""
+    design = designed("real_device")
+    block = JointFriction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
+    fast = np.array([2.0, -2.0, 3.0, -3.0])  # rad/s
+    found = slope(block, sliding_stretch(design.friction, fast), fast)
+    gain = make_process(design).GetSubsystemByName("viscous_friction").D()
+    expected = np.hstack([np.zeros((4, 4)), np.diag(found)])
+    np.testing.assert_allclose(gain, expected, rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize("load", [0.0, 0.7, -0.9])
