@@ -18,6 +18,7 @@ TYPE_CHECKING = False  # importing it from `typing` would double the time of our
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import compare
     from sdt_drake.analysis.linear import linear
+    from sdt_drake.analysis.loop_step import step
     from sdt_drake.analysis.orientation import perceive
     from sdt_drake.analysis.tracking import track
     from sdt_drake.cli.daily import bode, export, identify, learn, replay, tune
@@ -58,6 +59,7 @@ _PLACES = {
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
+    "step": "analysis.loop_step:step",
     "perceive": "analysis.orientation:perceive",
     "view": "show.view3d.viewer:view",
     "plots": "show.figures.runs:",
@@ -74,7 +76,7 @@ __all__ = [
     "Controller", "InputError", "Motion", "Recording", "Scenario", "bode", "compare", "design",
     "export", "fly", "identify", "learn", "linear", "load", "load_robot", "loop", "perceive",
     "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay", "save",
-    "simulate", "track", "tune", "view",
+    "simulate", "step", "track", "tune", "view",
 ]  # fmt: skip
 
 

@@ -12,7 +12,10 @@ from sdt_drake.io.arrays import Array
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """Metrics of a step response; NaN if the response does not reach a level."""
+    """Metrics of a step response; NaN if the response does not reach a level.
+
+    A response that returns, as after a step of the load, has no rise time and no overshoot.
+    """
 
     rise_time: float
     """Time from the first crossing of 10 % to the first crossing of 90 % [s]."""
@@ -21,7 +24,7 @@ class StepMetrics:
     overshoot_percent: float
     """Distance of the peak beyond the final value, in percent of the step [%]."""
     peak: float
-    """Value farthest from the start in the direction of the step [unit of y]."""
+    """Value farthest from the start, in the direction of the step if there is one [unit of y]."""
     peak_time: float
     """Time from the step to the peak [s]."""
     steady_state_error: float
@@ -43,10 +46,17 @@ def step_metrics(
         t: time [s], growing, t[0] the time of the step; shape (N,).
         y: response, shape (N,).
         y0: value before the step.
-        y_final: final value of an ideal response; differs from y0.
-        band: half width of the settling band, as a share of the step [-].
+        y_final: final value of an ideal response; y0 if it returns to its start.
+        band: half width of the settling band, as a share of the step [-], or of the peak if the
+            response returns.
     """
     t, y = np.asarray(t, dtype=float), np.asarray(y, dtype=float)
+    if y_final == y0:
+        i_peak = int(np.argmax(np.abs(y - y0)))
+        share = (y - y0) / (y[i_peak] - y0 or 1.0)
+        nan, settled = float("nan"), _settled(t, share, band) - t[0]
+        peak, peak_time = float(y[i_peak]), float(t[i_peak] - t[0])
+        return StepMetrics(nan, settled, nan, peak, peak_time, float(y[-1] - y_final))
     response = (y - y0) / (y_final - y0)  # 0 before the step, 1 when done
     i_peak = int(np.argmax(response))
     return StepMetrics(

@@ -2,41 +2,107 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import sdt_drake as sdt
 from sdt_drake.analysis import paper
 from sdt_drake.cli import common
-from sdt_drake.cli.common import OmegaR, Out, Show, number
-from sdt_drake.cli.printing import echo
+from sdt_drake.cli.common import Changes, OmegaR, Out, Show, Trust, Whole, number, one_of
+from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
 
 
 def run(
+    scenario: Annotated[
+        str | None, one_of("scenario", help="scenario of the loop (default: that of Figure 4)")
+    ] = None,
+    /,
     *,
+    input: Literal["reference", "extra_load_torque", "tau_cmd"] | None = None,
+    joint: Whole | None = None,
+    size: Annotated[float | None, number()] = None,
+    at: Annotated[float | None, number(gte=0)] = None,
+    duration: Annotated[float | None, number(gt=0)] = None,
     inertia: Annotated[float | None, number(gt=0)] = None,
-    structure: Literal["pi", "p_in_feedback"] = "p_in_feedback",
+    structure: Literal["pi", "p_in_feedback"] | None = None,
     omega_r: OmegaR = None,
-    zeta: float = 1.0,
+    zeta: float | None = None,
     out: Out = None,
     show: Show = False,
+    changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
-    """Simulate the step response of one speed loop.
+    """Simulate the response to a step: at an input of a scenario's loop, or of one speed loop.
 
-    example: sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png
+    example: sdt-drake step coupled_pi --input extra_load_torque --joint 2 --at 4 --out step.png
 
     Args:
-        inertia: effective inertia, motor side [kg m²] (default: published value of joint 1)
-        structure: structure of the controller: P and I on the error, or P in the feedback
-        omega_r: lowest natural frequency of the structure [rad/s] (default: 65.991, published)
-        zeta: damping ratio [-]
+        input: speed reference, load of the motor, or torque command (default: reference)
+        joint: number of the joint whose input steps (default: 1)
+        size: size of the step, joint side [rad/s] or motor side [N m] (default: a tenth of the
+            motor's torque, or the speed error for which K_PS commands it)
+        at: time of the step [s] (default: 0)
+        duration: time after the step [s] (default: 50 / omega_n of the slowest loop)
+        inertia: without a scenario, effective inertia, motor side [kg m²] (default: published
+            value of joint 1)
+        structure: without a scenario, structure of the controller: P and I on the error, or P in
+            the feedback (default: p_in_feedback)
+        omega_r: without a scenario, lowest natural frequency of the structure [rad/s] (default:
+            65.991, published)
+        zeta: without a scenario, damping ratio [-] (default: 1)
         out: file for the response (.csv, .json), or for a figure of it (.png, .svg, .pdf)
     """
+    common.check_out(out, show, RESULT_TABLES)
+    of_loop = {"input": input, "joint": joint, "size": size, "at": at, "duration": duration}
+    of_axis = {"inertia": inertia, "structure": structure, "omega_r": omega_r, "zeta": zeta}
+    if scenario is None:
+        common.refuse("needs a SCENARIO, whose loop steps", **of_loop, changes=changes)
+        _axis(**_given(of_axis), out=out, show=show)
+    else:
+        common.refuse("is that of the single speed loop, which has no SCENARIO", **of_axis)
+        _loop(scenario, changes, _given(of_loop), out, show)
+
+
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _loop(
+    scenario: str, changes: Changes, options: dict[str, Any], out: Path | None, show: bool
+) -> None:
+    """Step an input of a scenario's loop."""
+    design = common.design_of(scenario, changes)
+    with common.naming_fields({name: f"--{name}" for name in ("joint", "size", "at", "duration")}):
+        step = sdt.step(design, **options)
+    m = step.metrics["v"][step.joint - 1]
+    settles = "does not settle"
+    if math.isfinite(m.settling_time):
+        settles = f"settles in {m.settling_time:.4g} s"
+    size = f"deviates by {abs(m.peak):.4g} rad/s"
+    if step.input == "reference":
+        size = f"overshoots by {m.overshoot_percent:.2g} %"
+    echo(f"{step.title.removeprefix('of ')}: the speed {settles} and {size}")
+    print_table(*step.summary()[1:])
+    echo("Responses are those with the step, less those without.")
+    common.deliver(out, show, step.plot, step.results().write)
+
+
+def _axis(
+    *,
+    inertia: float | None = None,
+    structure: str = "p_in_feedback",
+    omega_r: float | None = None,
+    zeta: float = 1.0,
+    out: Path | None,
+    show: bool,
+) -> None:
+    """Step the reference of one speed loop (Figure 4)."""
     from sdt_drake.analysis.reproduction import step_response
     from sdt_drake.systems.gains import tune
 
-    common.check_out(out, show, RESULT_TABLES)
     taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
     if inertia is None:
         inertia = paper.table1("i_eff_max")[0]

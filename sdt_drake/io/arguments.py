@@ -106,5 +106,5 @@ def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[i
     if joint is None:
         return range(n)
     if not isinstance(joint, int | np.integer) or not 1 <= joint <= n:
-        raise InputError(f"{where}: {joint!r}, expected 1 to {n}")
+        raise InputError(f"{joint!r}, expected 1 to {n}", place=where)
     return [joint - 1]

@@ -13,6 +13,7 @@ from variants import kind, recorded
 from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse
+from sdt_drake.analysis.loop_step import step
 from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.step import step_metrics
@@ -69,6 +70,12 @@ class Inputs:
         """Joints that are to move at once, and saturate: design and recording."""
         design = self.designed("axis_pi", DRIVE, start=8.9, end=9.5, rest=20)
         return design, simulate(design)
+
+    @cached_property
+    def stepped(self):
+        """A motor that saturates at first."""
+        design = self.designed("axis_pi", {"controller.structure": "pi"}, end=0.2)
+        return step(design, joint=2, size=0.8, duration=0.15)
 
     @cached_property
     def calm(self):

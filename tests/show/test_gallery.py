@@ -75,6 +75,7 @@ def _page(x):
 FIGURES = {
     "trajectories": lambda x: runs.trajectories("motion", x.motion, NAMES),
     "step_responses": lambda x: runs.step_responses("steps", x.steps),
+    "loop_step": lambda x: runs.loop_step(x.stepped),
     "speeds": lambda x: runs.speeds("speeds", x.runs, NAMES),
     "speed_errors": lambda x: runs.speed_errors("errors", x.runs, NAMES, x.motion),
     "torques": _torques,

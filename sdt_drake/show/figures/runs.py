@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_degrees
+from sdt_drake.analysis.loop_step import LoopStep
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
@@ -89,6 +90,21 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
         ax.legend(loc="upper left", fontsize=8)
         ax.set_title(title)
     return figure
+
+
+def loop_step(response: LoopStep) -> Figure:
+    """Draw the response of a loop to a step, a row for each joint."""
+    names, look, t = response.design.robot.joint_names, nth_look(0), response.time
+    degrees = np.degrees(response.position_error)
+    torque, cut = [("", MOTOR_TORQUE, response.tau)], response.saturated
+    panels = [
+        over_time("speed [rad/s]", t, [("", look, response.v)], names),
+        over_time("position error [deg]", t, [("", look, degrees)]),
+        over_time(
+            "torque [N m], motor side", t, torque, marked=cut, marked_label="a limit cuts it"
+        ),
+    ]
+    return picture(f"Response {response.title}", panels, width=2.9)
 
 
 def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> Figure:

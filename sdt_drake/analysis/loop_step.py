@@ -1,0 +1,360 @@
+"""The response of a loop to a step at one of its inputs, at rest or while it moves."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, DiagramBuilder, System
+from pydrake.systems.primitives import Adder, Gain
+
+from sdt_drake.analysis.step import StepMetrics, step_metrics
+from sdt_drake.io.arguments import chosen_joints
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_choice, checked_number, one_line
+from sdt_drake.io.progress import with_progress
+from sdt_drake.io.results import Results
+from sdt_drake.io.shown import Shown, Summary, face, formatted, listed, numbered
+from sdt_drake.run.controllers import controller_class, make_controller, own_code
+from sdt_drake.run.controllers.base import Controller
+from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.device_diagram import equilibrium
+from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.run.plant import steady
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.run.simulate import MIN_ACCURACY, make_simulator
+from sdt_drake.systems import SignalTable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INPUTS = {"reference": "rad/s", "extra_load_torque": "N m", "tau_cmd": "N m"}
+"""Inputs that can step, and the units of a step; see `step`."""
+
+OUTPUTS = {"v": "rad/s", "position_error": "rad", "tau_cmd": "N m", "tau": "N m"}
+"""Outputs that have metrics, and their units."""
+
+SAMPLES = 10
+"""Samples of a response per period of the reference."""
+
+SHOWN = 1e-3
+"""Share of the largest peak of all joints below which the response of a joint is not printed."""
+
+MAX_SIZE = 1e6
+"""Largest step [rad/s or N m]: responses to larger ones exceed the range of numbers."""
+
+DURATION = 50.0
+"""Duration of a response, over 1 / omega_n of the slowest speed loop [-]."""
+
+ACCURACY_FACTOR = 20.0
+"""Factor by which accuracy is tightened: a response is the difference of two runs."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopStep(Shown):
+    """The response of a loop to a step: each signal less that of the same run without the step.
+
+    Signals are those just after the updates at their instants, so torques show the step itself.
+    """
+
+    design: Design
+    """The design of the loop."""
+    input: str
+    """Name of the input, one of INPUTS."""
+    joint: int
+    """Number of the joint, 1..n."""
+    size: float
+    """Size of the step: joint side [rad/s] for the reference, motor side [N m] for torques."""
+    at: float
+    """Time of the step since the start of the motion [s]."""
+    time: Array
+    """Time since the step [s], shape (N,)."""
+    q: Array
+    """Response of the links' positions, joint side [rad], shape (N, n)."""
+    v: Array
+    """Response of the links' speeds, joint side [rad/s], shape (N, n)."""
+    tau_cmd: Array
+    """Response of the commanded torque, motor side [N m], shape (N, n)."""
+    tau: Array
+    """Response of the motors' torque, motor side [N m], shape (N, n)."""
+    saturated: NDArray[np.bool_]
+    """Whether a limit cuts the command of a motor in the run with the step, shape (N, n)."""
+
+    @property
+    def position_error(self) -> Array:
+        """Response of q - q_ref, joint side [rad], shape (N, n).
+
+        A step of the reference is one of its speed: q_ref grows from then on.
+        """
+        moved = np.zeros_like(self.q)
+        if self.input == "reference":
+            moved[:, self.joint - 1] = self.size * self.time
+        return self.q - moved
+
+    @cached_property
+    def metrics(self) -> dict[str, tuple[StepMetrics, ...]]:
+        """Metrics of each of OUTPUTS, one for each joint.
+
+        An ideal loop follows its reference and resists its load. The speed goes to a step of the
+        reference, the torque to a step of the load, and everything else returns to 0.
+        """
+        final = {name: np.zeros(self.v.shape[1]) for name in OUTPUTS}
+        follows = {"reference": ("v",), "extra_load_torque": ("tau_cmd", "tau")}
+        for name in follows.get(self.input, ()):
+            final[name][self.joint - 1] = self.size
+        return {
+            name: tuple(
+                step_metrics(self.time, y, y0=0.0, y_final=float(goal))
+                for y, goal in zip(getattr(self, name).T, goals, strict=True)
+            )
+            for name, goals in final.items()
+        }
+
+    def summary(self) -> Summary:
+        names = numbered(self.design.robot.joint_names)
+        rows = []
+        for output, unit in OUTPUTS.items():
+            if output == "tau" and np.array_equal(self.tau, self.tau_cmd):
+                continue
+            least = SHOWN * max(abs(m.peak) for m in self.metrics[output])
+            for name, m in zip(names, self.metrics[output], strict=True):
+                if abs(m.peak) > least:
+                    numbers = (formatted(x, ".4g") for x in asdict(m).values())
+                    rows.append([f"{output} [{unit}]", name, *numbers])
+        header = ["response", "joint", "rise [s]", "settling [s]", "overshoot [%]"]
+        header += ["peak", "after [s]", "steady-state error"]
+        return Summary(self.title, header, rows, 2)
+
+    @property
+    def title(self) -> str:
+        """Loop, input, size and instant of the step, and motors that saturate, in words."""
+        robot, scenario = self.design.robot, self.design.scenario.name
+        size, joint = f"{self.size:+.4g} {INPUTS[self.input]}", robot.joint(self.joint - 1)
+        title = f"of {scenario}: {self.input} {size}, {joint}, at {self.at:.6g} s"
+        cut = [robot.joint(k) for k in np.flatnonzero(self.saturated.any(axis=0)).tolist()]
+        return f"{title}; limits cut the torque of {listed(cut)}" if cut else title
+
+    def results(self) -> Results:
+        """Return the responses as columns, with the metrics of each output by joint."""
+        about = {x: getattr(self, x) for x in ("input", "joint", "size", "at")}
+        metrics = {name: list(map(asdict, by_joint)) for name, by_joint in self.metrics.items()}
+        signals = {name: getattr(self, name) for name in ("time", "q", *OUTPUTS, "saturated")}
+        signals["saturated"] = signals["saturated"].astype(int)
+        scenario = self.design.scenario.name
+        units = {**OUTPUTS, "q": "rad", "saturated": "-", "at": "s", "size": INPUTS[self.input]}
+        return Results({"scenario": scenario, **about, "metrics": metrics}, signals, units)
+
+    def plot(self) -> Figure:
+        """Return a figure of all responses, a row for each joint."""
+        return face().plots.loop_step(self)
+
+
+def step(
+    design: Design | Scenario | Loop,
+    *,
+    input: str = "reference",
+    joint: int = 1,
+    size: float | None = None,
+    at: float = 0.0,
+    duration: float | None = None,
+) -> LoopStep:
+    """Simulate a loop with and without a step at one of its inputs, and return the difference.
+
+    Inputs:
+
+    - `reference`: the controller gets a speed reference that is higher by `size` from `at` on, and
+      its integral as position. Torques along the planned motion (feedforward, load of the axis
+      plant) do not change.
+    - `extra_load_torque`: a further load of the motor.
+    - `tau_cmd`: a torque that is added to the command of the controller, before the saturation.
+
+    Args:
+        design: a design, a scenario, which is resolved here, or the loop of a scenario's own
+            controller, which stands for its design; its other arguments are not taken over.
+        input: one of `reference`, `extra_load_torque`, `tau_cmd`.
+        joint: number of the joint, 1..n.
+        size: size of the step, not 0: joint side [rad/s] for the reference, motor side [N m] for
+            torques. By default a tenth of the motor's torque limit, or the speed error at which
+            K_PS commands that torque.
+        at: time of the step, a sample of the motion [s].
+        duration: time after the step, rounded to whole periods [s]. By default 50 / omega_n of the
+            slowest speed loop, or the rest of the motion.
+
+    Raises:
+        InputError: if an argument is wrong, or the simulation fails.
+
+    Examples:
+        >>> from sdt_drake.run.scenario import load_scenario
+        >>> scenario = load_scenario("coupled_pi", {"motion": "leans"})
+        >>> response = step(scenario, input="extra_load_torque", joint=1, size=10.0)
+        >>> print(f"{response.metrics['v'][0].peak:.6f} rad/s")
+        -0.000417 rad/s
+    """
+    design = _as_design(design)
+    checked_choice(input, tuple(INPUTS), "input")
+    (k,) = chosen_joints(0 if joint is None else joint, design.robot.n)
+    if size is None:
+        size = 0.1 * float(design.robot.motor_torque_limit[k])
+        if input == "reference":
+            size /= float(design.gains.kp[k] * design.robot.gear_ratio[k])
+    size = checked_number(size, "size")
+    if not 0 < abs(size) <= MAX_SIZE:
+        raise InputError(
+            f"{size:g}, expected a number that is not 0, up to {MAX_SIZE:g}", place="size"
+        )
+    # Its feedforward stays that of the planned motion, also if the reference steps.
+    design = replace(design, scenario=replace(design.scenario, inverse_dynamics="table"))
+    first, count = _samples(design, at, duration)
+    with_step, without = (_run(design, input, k, x, first, count) for x in (size, 0.0))
+    n = design.robot.n
+    q, v, tau_cmd, tau = np.split(with_step[:, : 4 * n] - without[:, : 4 * n], 4, axis=1)
+    limited = with_step[:, 4 * n :]
+    return LoopStep(
+        design=design,
+        input=input,
+        joint=joint,
+        size=size,
+        at=first * design.reference.period,
+        time=design.reference.period / SAMPLES * np.arange(len(v), dtype=float),
+        q=q,
+        v=v,
+        tau_cmd=tau_cmd,
+        tau=tau,
+        saturated=limited != with_step[:, 2 * n : 3 * n],
+    )
+
+
+def _as_design(design: Design | Scenario | Loop) -> Design:
+    """Return a design, that of a scenario, or that of a loop of its own controller."""
+    if not isinstance(design, Loop):
+        return as_design(design)
+    kind = design.design.scenario.controller.kind
+    inputs = {design.get_input_port(i).get_name() for i in range(design.num_input_ports())}
+    own: type = type(design.controller)
+    if own is not controller_class(kind) or "reference" in inputs:
+        raise InputError(
+            "a loop with a reference or a controller from outside, expected one with those of its "
+            "scenario (your own controller: register_controller)",
+            place="design",
+        )
+    return design.design
+
+
+def _samples(design: Design, at: float, duration: float | None) -> tuple[int, int]:
+    """Return the sample of the step, and the number of periods after it."""
+    period, end = design.motion.period, len(design.motion.v) - 1
+    at = checked_number(at, "at", minimum=0)
+    first = round(at / period)
+    if abs(first * period - at) > 1e-6 * period or first >= end:
+        raise InputError(
+            f"{at:.9g} s, expected a multiple of {period:g} s before the end of the motion, "
+            f"{end * period:.9g} s",
+            place="at",
+        )
+    left = end - first
+    if duration is None:
+        return first, min(left, int(np.ceil(DURATION / design.omega_n.min() / period)))
+    periods = checked_number(duration, "duration", minimum=0, exclusive=True) / period
+    if periods > left * (1 + 1e-9):
+        text = f"{duration:.9g} s, but the motion ends {left * period:.9g} s after the step"
+        raise InputError(text, place="duration")
+    return first, max(1, round(periods))
+
+
+# --- the two runs ------------------------------------------------------------------------------
+
+
+def _run(design: Design, input: str, k: int, size: float, first: int, count: int) -> Array:
+    """Run a loop with a step of joint k at a sample, and return the signals after it.
+
+    Returns:
+        Rows [q, v, tau_cmd, tau, tau_limited] just after the updates at the samples of the
+        response, shape (SAMPLES count + 1, 5 n).
+    """
+    reference, n = design.reference, design.robot.n
+    period = reference.period
+    added = np.zeros((len(reference.v), 3 * n if input == "reference" else n))
+    added[first:, n + k if input == "reference" else k] = size
+    if input == "reference":
+        added[first:, k] = size * period * np.arange(len(added) - first)
+    inner = make_controller(design)
+    loop = make_loop(design, controller=_with_step(design, inner, input, added))
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("loop", loop)
+    if input == "extra_load_torque":
+        load = SignalTable(motion=reference, signals={"step": added})
+        builder.AddNamedSystem("step", load)
+        builder.Connect(load.get_output_port(), loop.GetInputPort("extra_load_torque"))
+    accuracy = max(design.scenario.accuracy / ACCURACY_FACTOR, MIN_ACCURACY)
+    simulator = make_simulator(builder.Build(), period=period, accuracy=accuracy)
+    context = simulator.get_mutable_context()
+    own = loop.GetMyMutableContextFromRoot(context)
+    saturation = loop.GetSubsystemByName("dynamic_saturation")
+    ports = [*map(loop.GetOutputPort, ("state", "tau_cmd", "tau")), saturation.get_output_port()]
+    contexts = [own] * 3 + [loop.GetSubsystemContext(saturation, own)]
+    rows, instants = [], [(i, 0) for i in range(first)]
+    instants += [(first + i // SAMPLES, i % SAMPLES) for i in range(SAMPLES * count + 1)]
+    with own_code(design, type(inner)):
+        loop.rest(own)
+        tau_cmd = equilibrium(design, steady(design.motion)).tau_cmd
+        cast(Controller, inner).rest(inner.GetMyMutableContextFromRoot(context), tau_cmd)
+        for sample, part in with_progress(instants):
+            try:
+                simulator.AdvanceTo(sample * period + part * (period / SAMPLES))
+                simulator.AdvancePendingEvents()  # so that the row is just after the updates
+                row = np.concatenate(
+                    [port.Eval(x) for port, x in zip(ports, contexts, strict=True)]
+                )
+            except RuntimeError as error:
+                raise _stuck(design, context, error) from None
+            if not np.isfinite(row).all():
+                raise _stuck(design, context, "signals are not finite")
+            rows.append(row)
+    return np.array(rows[first:])
+
+
+def _stuck(design: Design, context: Context, why: object) -> InputError:
+    place, time = f"scenario '{design.scenario.name}'", context.get_time()
+    return InputError(f"{place}: the simulation is stuck at {time:.6g} s ({one_line(why)})")
+
+
+def _with_step(design: Design, controller: System, input: str, added: Array) -> System:
+    """Return a controller with a step at its reference or at its command; itself for a load."""
+    if input == "extra_load_torque":
+        return controller
+    delay = design.drive.reference_delay if input == "reference" else 0.0
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("controller", controller)
+    table = SignalTable(motion=design.reference, signals={"step": added}, delay=delay)
+    step_port = builder.AddNamedSystem("step", table).get_output_port()
+    # Anti-windup compares the limited torque with the whole command.
+    signs = {"reference": {"reference": 1.0}, "tau_cmd": {"tau_limited": -1.0, "tau_cmd": 1.0}}
+
+    def plus_step(name: str) -> System | None:
+        """Add a sum of a signal and the step; None if the signal does not change."""
+        sign = signs[input].get(name)
+        if sign is None:
+            return None
+        scaled = builder.AddNamedSystem(f"{name}_step", Gain(sign, added.shape[1]))
+        total = builder.AddNamedSystem(f"{name}_sum", Adder(2, added.shape[1]))
+        builder.Connect(step_port, scaled.get_input_port())
+        builder.Connect(scaled.get_output_port(), total.get_input_port(1))
+        return total
+
+    for port in map(controller.get_input_port, range(controller.num_input_ports())):
+        name = port.get_name()
+        total = plus_step(name)
+        if total is None:
+            builder.ExportInput(port, name)
+        else:
+            builder.ExportInput(total.get_input_port(0), name)
+            builder.Connect(total.get_output_port(), port)
+    tau_cmd, total = controller.GetOutputPort("tau_cmd"), plus_step("tau_cmd")
+    if total is not None:
+        builder.Connect(tau_cmd, total.get_input_port(0))
+        tau_cmd = total.get_output_port()
+    builder.ExportOutput(tau_cmd, "tau_cmd")
+    return builder.Build()
