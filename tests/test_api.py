@@ -141,7 +141,7 @@ def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(design
 
 # --- wrong arguments ------------------------------------------------------------------------------
 
-FREE = {"trust", "stops", "compare", "pilot", "report", "title", "meshcat"}
+FREE = {"trust", "compare", "meshcat"}
 """Arguments that are true or false, or are not checked beforehand."""
 
 
@@ -173,6 +173,25 @@ def test_every_argument_of_every_function_refuses_an_odd_object(short, run, tmp_
                 getattr(sdt, name)(*bound.args, **bound.kwargs)
             assert "\n" not in str(error.value), (name, parameter)
     assert list(tmp_path.iterdir()) == []
+
+
+FIGURES = {
+    f"{module}.{name}": function
+    for module in ("plots", "plots_motion", "plots_pilot")
+    for name, function in vars(getattr(sdt, module)).items()
+    if inspect.isfunction(function) and function.__module__.startswith("sdt_drake.show.figures")
+}
+
+
+@pytest.mark.parametrize("name", [name for name in FIGURES if "._" not in name])
+def test_a_figure_names_the_argument_of_another_type(name):
+    names = list(inspect.signature(FIGURES[name]).parameters)
+    has_title = names[0] == "title"
+    for value in ([Odd()], {"a": Odd()}, Odd(), "x", 3):
+        arguments = dict.fromkeys(names, value) | ({"title": "a title"} if has_title else {})
+        with pytest.raises(sdt.InputError, match=rf"^{names[has_title]}: a \w+, exp") as error:
+            FIGURES[name](**arguments)
+        assert "\n" not in str(error.value)
 
 
 NAN, V, Q0 = float("nan"), np.zeros((21, 4)), np.zeros(4)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response
 from sdt_drake.analysis.reproduction import tuning
-from sdt_drake.io.arguments import a_path, positive, takes
+from sdt_drake.io.arguments import a_path, like, positive, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import (
     InputError,
@@ -216,6 +216,7 @@ def replay(
     return replaying.replay(scenario, recorded, robot)
 
 
+@takes(stops=like(bool), report=like(Callable))
 def learn(
     design: Design | Scenario,
     *,
@@ -291,7 +292,7 @@ def learning_filter(
     return filter_, [convergence(filter_, group) for group in loops]
 
 
-@takes(folder=a_path)
+@takes(folder=a_path, title=like(str))
 def export(
     design: Design | Scenario,
     drives: drive_files.Drives | str | Path,

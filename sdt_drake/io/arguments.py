@@ -5,8 +5,10 @@ from __future__ import annotations
 import functools
 import inspect
 import os
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar, cast
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from types import UnionType
+from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -43,6 +45,57 @@ def takes(**kinds: Kind) -> Callable[[F], F]:
         return cast(F, checked)
 
     return decorated
+
+
+def typed(function: F) -> F:
+    """Check all arguments of a function against their annotations, as `like` does."""
+    hints = get_type_hints(function)
+    kinds = {name: like(hint) for name, hint in hints.items() if name != "return"}
+    return takes(**kinds)(function)
+
+
+def like(hint: Any) -> Kind:
+    """Return a check for an annotation: a class, a union, or a list or mapping with entries."""
+
+    def checked(value: Any, name: str) -> object:
+        if not _fits(value, hint):
+            is_empty = isinstance(value, Sequence | Mapping) and not len(value)
+            given = f"{'an empty' if is_empty else 'a'} {type(value).__name__}"
+            raise InputError(f"{given}, expected {_in_words(hint)}", place=name)
+        return value
+
+    return checked
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if kind in (Union, UnionType):
+        return any(_fits(value, option) for option in inner)
+    if kind is float:
+        return isinstance(value, Real)
+    if not isinstance(value, kind):
+        return False
+    if kind is Sequence:
+        is_list = len(value) > 0 and not isinstance(value, str | bytes)
+        return is_list and all(_fits(entry, inner[0]) for entry in value)
+    if kind is Mapping:
+        return len(value) > 0 and all(_fits(entry, inner[1]) for entry in value.values())
+    return True
+
+
+def _in_words(hint: Any) -> str:
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if kind in (Union, UnionType):
+        return " or ".join(_in_words(option) for option in inner)
+    if kind is Sequence:
+        return f"a list, each entry {_in_words(inner[0])}"
+    if kind is Mapping:
+        return f"a mapping, each value {_in_words(inner[1])}"
+    words: dict[Any, str] = {str: "a text", float: "a number", int: "a whole number"}
+    words |= {bool: "True or False", np.ndarray: "an array", Callable: "a function"}
+    words[type(None)] = "None"
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    return words.get(kind, f"{article} {kind.__name__}")
 
 
 def a(kind: type, made_by: str) -> Kind:

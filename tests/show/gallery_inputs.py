@@ -30,6 +30,7 @@ from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, FEEDFORWARD, Replay
 from sdt_drake.motion import Motion, Plan, margins
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import DeviceChoice, as_driven
+from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing
 from sdt_drake.studies.verdicts import Verdict
@@ -37,7 +38,8 @@ from sdt_drake.systems.orientation import load_perception
 
 PERIOD, NAMES = 0.01, ("base", "elbow", "wrist")
 DRIVE = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}
-ROBOT = SimpleNamespace(motor_torque_limit=np.array([5.0, 6.0, 7.0]), joint_names=NAMES)
+ROBOT = object.__new__(Robot)
+vars(ROBOT).update(motor_torque_limit=np.array([5.0, 6.0, 7.0]), joint_names=NAMES)
 FAMILIES = ("max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "felt_share")
 COLUMNS = ("omega_r", "payload", "friction", "motion")
 SIZING = Sizing(

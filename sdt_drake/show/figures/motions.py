@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Margins, Plan
 from sdt_drake.robot.robot import Robot
@@ -19,6 +20,7 @@ PLANNED, TIGHTEST, COMMANDED = PALETTE[0], PALETTE[1], PALETTE[4]
 _MAX_LIMIT = 3  # times the largest speed; a larger limit is a number above the panel
 
 
+@typed
 def plan(title: str, robot: Robot, planned: Plan, margins: Margins) -> Figure:
     """Draw torque and speed of a plan against their limits, joint side, a row for each joint.
 

@@ -14,6 +14,7 @@ from sdt_drake.analysis.illusions import true_attitude
 from sdt_drake.analysis.orientation import CAUTION, Percept, perceive
 from sdt_drake.analysis.perception import CHANNELS, canals
 from sdt_drake.analysis.tracking import HeadTracking
+from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.robot.head import GRAVITY, HeadMotion
@@ -35,6 +36,7 @@ _TITLE_LINE = 110  # letters
 _BAND, _LETTER = 0.2, 0.052  # height of a track's names, width of their letters [inch]
 
 
+@typed
 def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = None) -> Figure:
     """Draw specific force, rotation and attitude of the pilot's head, and the error that is felt.
 
@@ -79,6 +81,7 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
         return finish(figure, "\n".join(lines))
 
 
+@typed
 def percept(title: str, felt: Percept) -> Figure:
     """Draw felt attitude, felt and true rotation, and felt acceleration."""
     attitude = [
@@ -100,6 +103,7 @@ def percept(title: str, felt: Percept) -> Figure:
     return picture(title, [panels])
 
 
+@typed
 def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Panel]:
     """Make the panels of specific force along an axis of the head, and of rotation about it.
 

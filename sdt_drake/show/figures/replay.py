@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from sdt_drake.io.arguments import typed
 from sdt_drake.machine.replay import AS_IT_IS, QUANTITIES, Replay
 from sdt_drake.show.panels import Panel, over_time, picture
 from sdt_drake.show.style import PALETTE, Look
@@ -11,6 +12,7 @@ from sdt_drake.show.style import PALETTE, Look
 RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 
 
+@typed
 def replay_figure(replay: Replay) -> Figure:
     """Draw recorded and simulated errors and torques, a row for each joint."""
     time, names = replay.design.motion.time, replay.design.robot.joint_names

@@ -20,6 +20,7 @@ from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.tracking import constant_speed_segments
+from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import formatted, numbered
 from sdt_drake.motion import Motion
@@ -52,6 +53,7 @@ _MIN_ROOM = 0.005  # share of an inertia, so that round-off does not fill a pane
 # --- over time -------------------------------------------------------------------------------
 
 
+@typed
 def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figure:
     """Draw position, speed and acceleration of a motion, a row for each joint."""
     columns = (
@@ -64,6 +66,7 @@ def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figu
     return picture(title, panels, width=2.5)
 
 
+@typed
 def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
     """Draw step responses of the speed loop by structure, with their metrics (Figure 4)."""
     looks = {
@@ -92,6 +95,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
     return figure
 
 
+@typed
 def loop_step(response: LoopStep) -> Figure:
     """Draw the response of a loop to a step, a row for each joint."""
     names, look, t = response.design.robot.joint_names, nth_look(0), response.time
@@ -107,6 +111,7 @@ def loop_step(response: LoopStep) -> Figure:
     return picture(f"Response {response.title}", panels, width=2.9)
 
 
+@typed
 def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> Figure:
     """Draw joint speeds of runs and their reference, a panel for each joint (Figure 7)."""
     first = next(iter(runs.values()))
@@ -115,6 +120,7 @@ def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]
     return picture(title, [over_time("speed [rad/s]", first.time, lines, joint_names)])
 
 
+@typed
 def speed_errors(
     title: str, runs: Mapping[str, Recording], joint_names: Sequence[str], motion: Motion
 ) -> Figure:
@@ -136,6 +142,7 @@ def speed_errors(
     return picture(title, [panels])
 
 
+@typed
 def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Figure:
     """Draw motor torques, load torques and the widened limits, motor side (Figure 3)."""
     limit = np.broadcast_to(robot.motor_torque_limit, recording.tau.shape)
@@ -152,6 +159,7 @@ def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Fig
     )
 
 
+@typed
 def effective_inertia(
     title: str,
     time: Array,
@@ -188,6 +196,7 @@ def effective_inertia(
     return figure
 
 
+@typed
 def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) -> Figure:
     """Draw the speed error and its parts, a panel for each joint."""
     parts = {name: values for name, values in budget.parts.items() if values.any()}
@@ -210,6 +219,7 @@ def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
 # --- controllers side by side ----------------------------------------------------------------
 
 
+@typed
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
     """Draw controllers side by side: errors, torques, and the share of time with a felt error."""
     names = numbered(compared[0].design.robot.joint_names)
@@ -279,6 +289,7 @@ def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -
 # --- loops -----------------------------------------------------------------------------------
 
 
+@typed
 def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) -> Figure:
     """Draw magnitude and phase of tracking and loop gain over frequency, a line for each joint.
 
@@ -347,6 +358,7 @@ def _of_joints(quantity: str, values: Array) -> str:
     return f"{name} {shown} {unit}"
 
 
+@typed
 def stability(
     title: str, sweeps: Mapping[str, Mapping[str, StabilitySweep]], joint_names: Sequence[str]
 ) -> Figure:

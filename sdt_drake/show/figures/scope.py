@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.io.arguments import chosen_joints
+from sdt_drake.io.arguments import chosen_joints, typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
@@ -20,6 +20,7 @@ ACHIEVED = Look(PALETTE[1], "--")
 ERROR, MOTOR_TORQUE = Look(PALETTE[2]), Look(PALETTE[6])
 
 
+@typed
 def scope(
     title: str, recording: Recording, design: Design | None = None, joint: int | None = None
 ) -> Figure:
