@@ -75,6 +75,10 @@ class Recording(Shown):
     1.5e-3. The RMS of a period is accurate to 1.5e-3, or to 6e-3 if the torque changes its sign.
     In a period in which a motor starts or stops saturating, `saturated` is accurate to a third of
     an integrator step. Over a run these errors cancel.
+
+    With `drive.encoder_resolution` a joint at the edge of an increment may be measured one
+    increment away, at any accuracy. That moves the command of a sample by 2 pi K_PS / (drive period
+    x resolution), motor side. Torques of single periods may be off by as much.
     """
 
     __pydantic_config__ = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True)

@@ -88,6 +88,20 @@ def test_torque_within_the_periods(design_of, case):
     assert np.any(agree(design_of(*CASES[case])).saturated[:, 1] > 0)
 
 
+@pytest.mark.parametrize("bandwidth", [100.0, 600.0])
+def test_torque_behind_a_lag_is_as_accurate_as_recordings_say(designed, bandwidth):
+    """At the default accuracy, against 1e-8."""
+    fields = {"drive": Drive(torque_bandwidth=bandwidth)}
+    designs = [
+        designed("coupled_pi", fields | {"accuracy": accuracy}, start=5.0, end=6.0)
+        for accuracy in (1e-4, 1e-8)
+    ]
+    runs, limit = [simulate(x) for x in designs], designs[0].robot.motor_torque_limit
+    for name, promised in {"tau_peak": 3e-3, "tau_mean": 1.5e-3, "tau_rms": 1.5e-3}.items():
+        rough, fine = (getattr(run, name) / limit for run in runs)
+        np.testing.assert_allclose(rough, fine, rtol=0, atol=promised, err_msg=name)
+
+
 class Given(LeafSystem, Controller):
     """tau_cmd = a + b t + c t², in limits of the motors, whatever the robot does."""
 

@@ -111,8 +111,8 @@ def torque_loop(x, tau_limited):
     given = tau_limited * (1 + np.array([0.05, -0.1, 0.0]))
     if not len(x):
         return {"tau": given}, None
-    tau = 100 * LIMIT * x
-    return {"tau": tau}, 2 * np.pi * 300 * (given - tau) / LIMIT / 100
+    tau = 30 * LIMIT * x
+    return {"tau": tau}, 2 * np.pi * 300 * (given - tau) / LIMIT / 30
 
 
 case("TorqueLoop", tolerance=0)(lambda x, tau_limited: ({"tau": tau_limited}, None))
