@@ -50,6 +50,7 @@ def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
             _check_same(job, store.about, folder)
             if not resume:
                 raise InputError(f"{folder}: contains this study; continue it with --resume")
+            store.check_numbers(len(job.study))
             _save_files(job, folder)
             yield store
 

@@ -51,6 +51,7 @@ def read_study_table(folder: Path) -> StudyTable:
     """
     study, outcomes = load_folder(folder)
     with Store(folder) as store, store.reading():
+        store.check_numbers(len(study))
         kinds = store.kinds
         groups: list[list[NDArray[Any]]] = [  # arrays need a fifth of the memory of tuples
             [np.array(values, kind) for values, kind in zip(columns, kinds.values(), strict=True)]

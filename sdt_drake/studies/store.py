@@ -91,6 +91,12 @@ class Store(AbstractContextManager["Store"]):
         with self.reading():
             return {number for (number,) in self._database.execute("SELECT row FROM rows")}
 
+    def check_numbers(self, count: int) -> None:
+        """Raise InputError if a row's number is not one of 0 to `count` - 1."""
+        with self.reading():
+            if others := self.done() - {*range(count)}:
+                raise ValueError(f"row {min(others)}, expected 0 to {count - 1}")
+
     def inputs(self, number: int) -> dict[str, Value]:
         """Return the inputs of a row by name; empty if the row is not in the database."""
         for columns in self._groups("SELECT * FROM rows WHERE row = ?", number):
@@ -132,6 +138,8 @@ class Store(AbstractContextManager["Store"]):
         """Raise the block's errors as InputError: the file cannot be used."""
         try:
             yield
+        except InputError:
+            raise
         except _UNUSABLE as error:
             raise InputError(
                 f"{self.path}: cannot be used ({one_line(error)}), expected the file that "

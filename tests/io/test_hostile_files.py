@@ -204,6 +204,16 @@ def test_a_row_of_a_study_holds_what_a_run_writes(values, tmp_path):
             of(store)
 
 
+@pytest.mark.parametrize("number", [-1, 2])
+def test_a_row_of_a_study_is_one_of_its_rows(number, tmp_path):
+    create(tmp_path, ABOUT, TEXTS)
+    with sqlite3.connect(tmp_path / DATABASE) as base:
+        base.execute(f"INSERT INTO rows VALUES ({number}, 1, 'ok', '', 1, 1)")
+    refused = pytest.raises(InputError, match=rf"\(row {number}, expected 0 to 1\)")
+    with Store(tmp_path) as store, refused:
+        store.check_numbers(2)
+
+
 @pytest.mark.parametrize("statements", [*ABOUTS, *STATEMENTS])
 def test_a_study_has_its_files_in_its_folder_and_computes_nothing(statements, tmp_path):
     message = "more than two tables of values"
