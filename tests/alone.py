@@ -52,36 +52,35 @@ LOADS = Loads(_RNG.normal(size=MOTION.q.shape), _RNG.normal(size=MOTION.q.shape)
 
 # What each block needs to be made; `robot` and `model` come from the fixture.
 ARGUMENTS = {
-    "AxisProcess": {"i_eff": I_EFF, "gear_ratio": GEAR},
-    "CtcFeedforward": {"n": N},
-    "Disturbance": {"n": N, "amplitude": 0.05, "omega_d": 7.0},
-    "DynamicSaturation": {"motor_torque_limit": [100.0] * N},
-    "ElasticJoints": {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
-    "Encoder": {"n": N, "period": PERIOD},
-    "GainSchedule": {"n": N},
-    "InternalModel": {"model": FEELING},
-    "InverseDynamicsController": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
-    "JointFriction": {"friction": FRICTION, "gear_ratio": GEAR},
+    "axis_process": {"i_eff": I_EFF, "gear_ratio": GEAR},
+    "disturbance": {"n": N, "amplitude": 0.05, "omega_d": 7.0},
+    "dynamic_saturation": {"motor_torque_limit": [100.0] * N},
+    "elastic_joints": {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
+    "encoder": {"n": N, "period": PERIOD},
+    "gain_schedule": {"n": N},
+    "internal_model": {"model": FEELING},
+    "inverse_dynamics_controller": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
+    "joint_friction": {"friction": FRICTION, "gear_ratio": GEAR},
     "LoadTorque": {"robot": None},
-    "OrientationObserver": {"model": FEELING},
-    "PiSpeedController": {"gains": GAINS, "gear_ratio": GEAR},
-    "PositionLoop": {"position_gain": [2.0, 3.0, 5.0]},
-    "ReferenceSource": {"motion": MOTION},
+    "orientation_observer": {"model": FEELING},
+    "pi_speed_controller": {"gains": GAINS, "gear_ratio": GEAR},
+    "position_loop": {"position_gain": [2.0, 3.0, 5.0]},
+    "reference_source": {"motion": MOTION},
     "ReferenceTorque": {
         "robot": None,
         "outputs": ("(torques)",),
         "law": lambda groups, v, vd: [sum(groups) + v + vd],
     },
-    "RobotDrawing": {"robot": None, "meshcat": None},
-    "RobotPlant": {"robot": None},
-    "SignalTable": {"motion": MOTION, "signals": {"(signals)": MOTION.v}},
-    "SymbolicLaw": {"inputs": {"a": 2}, "output": "b", "law": lambda a: [a[0] * a[1]]},
-    "TorqueLoop": {"motor_torque_limit": LIMIT},
+    "robot_drawing": {"robot": None, "meshcat": None},
+    "robot_plant": {"robot": None},
+    "signal_table": {"motion": MOTION, "signals": {"(signals)": MOTION.v}},
+    "symbolic_law": {"inputs": {"a": 2}, "output": "b", "law": lambda a: [a[0] * a[1]]},
+    "torque_loop": {"motor_torque_limit": LIMIT},
 }
 
 
 def made(name, robot=None, **changes):
-    """A block by the name of its class; with `robot` where it needs one."""
+    """A block by the name of its class or function; with `robot` where it needs one."""
     arguments = {**ARGUMENTS[name], **changes}
     for key in ("robot", "model"):
         if key in arguments and arguments[key] is None:

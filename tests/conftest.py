@@ -52,6 +52,17 @@ def _no_screen():
 
 
 @pytest.fixture(autouse=True)
+def _only_shipped_controllers():
+    """Forget controllers that a test registers: schemas and messages list all of them."""
+    from sdt_drake.run.kinds import CONTROLLERS
+
+    before = dict(CONTROLLERS)
+    yield
+    CONTROLLERS.clear()
+    CONTROLLERS.update(before)
+
+
+@pytest.fixture(autouse=True)
 def _clean_figures_and_seed():
     import matplotlib.pyplot as plt
     import numpy as np

@@ -202,7 +202,9 @@ WRONG = {
     "q0: .*3 joint": lambda design: Motion.from_speeds(0.005, Q0[:3], V),
     r"q: 2 row\(s\)": lambda design: Motion.from_positions(0.005, V[:2]),
     "torque_margin: 1.5": lambda design: sdt.plan("leans", torque_margin=1.5),
-    r"moved\[0, 0, 0\]: nan": lambda design: sdt.loop(design, moved=(V + NAN, V)),
+    r"prescribed_motion\[0\]\[0, 0\]: nan": lambda design: sdt.loop(
+        design.assuming(prescribed_motion=(V + NAN, V))
+    ),
     "controllers: 'pi'": lambda design: sdt.compare(design, "pi"),
     r"controllers: \[None\]": lambda design: sdt.compare(design, [None]),
     "controller: the class Adder": lambda design: sdt.loop(design, controller=Adder),

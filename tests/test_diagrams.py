@@ -140,7 +140,7 @@ def test_a_loop_wired_in_the_open_is_that_of_its_scenario(
 def test_a_script_is_short_and_makes_its_loop_itself(script):
     text = (FOLDER / f"{script}.py").read_text(encoding="utf-8")
     assert 40 <= len(text.splitlines()) <= 80
-    assert not re.search(r"make_loop|make_step_loop|sdt\.loop|connect_by_name", text)
+    assert not re.search(r"make_loop|make_step_loop|sdt\.loop", text)
 
 
 @pytest.mark.documents

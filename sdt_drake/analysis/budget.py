@@ -13,7 +13,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.design import Design
-from sdt_drake.run.loop import Loop
+from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.scenario import Scenario, with_fields
 from sdt_drake.run.simulate import simulate
 from sdt_drake.run.tuning import Feedforward
@@ -76,14 +76,17 @@ def error_budget(design: Design) -> ErrorBudget:
     def exact(scenario: Scenario, fed: Feedforward | None = None) -> Design:
         return replace(design, scenario=replace(scenario, accuracy=_ACCURACY), fed=fed)
 
-    loops = [Loop(exact(scenario)), Loop(exact(scenario), limited=False)]
+    def unlimited(design: Design) -> Loop:
+        return make_loop(design.assuming(limited=False))
+
+    loops = [make_loop(exact(scenario)), unlimited(exact(scenario))]
     for less, more in ((smooth, scenario), (calm, smooth)):
-        loops.append(loops[-1] if less == more else Loop(exact(less), limited=False))
+        loops.append(loops[-1] if less == more else unlimited(exact(less)))
     unloaded = exact(calm, _own_feedforward(design))
-    loops.append(Loop(unloaded, limited=False, loaded=False))
+    loops.append(unlimited(unloaded.assuming(loaded=False)))
     distinct = list(dict.fromkeys(loops))
     with threads(2) as pool:
-        ran = pool.map(lambda loop: simulate(loop.design, loop).speed_error, distinct)
+        ran = pool.map(lambda loop: simulate(loop).speed_error, distinct)
         errors = dict(zip(distinct, with_progress(ran, len(distinct)), strict=True))
     whole, free, linear, undisturbed, reference = (errors[loop] for loop in loops)
     differences = (reference, undisturbed - reference, linear - undisturbed, whole - free)

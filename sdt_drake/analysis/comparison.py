@@ -81,7 +81,7 @@ class Compared:
     @cached_property
     def blocks(self) -> int:
         """Number of Drake systems in the loop, including those inside sub-diagrams."""
-        return len(blocks_of(make_loop(self.design)))
+        return len(blocks_of(make_loop(self.design).diagram))
 
     @property
     def needs(self) -> tuple[str, ...]:

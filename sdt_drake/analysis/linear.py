@@ -17,7 +17,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.device_diagram import make_process
+from sdt_drake.run.device import make_device, measured_port, viscous_only
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.state_space import LinearModel, StateSpace
 from sdt_drake.systems.wiring import blocks_of
@@ -206,15 +206,20 @@ def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:
 
 
 def linear_process(design: Design, sample: int = 0) -> StateSpace:
-    """Return the continuous linear process from tau_cmd (n) to [measured (2n), state (2n)]."""
-    diagram, n = make_process(design), design.robot.n
+    """Return the continuous linear process from tau (n) to [measured (2n), state (2n)].
+
+    Motors do not saturate, and friction is viscous.
+    """
+    design = viscous_only(design)
+    diagram, n = make_device(design), design.robot.n
     at = np.concatenate([design.motion.q[sample], np.zeros(n)])
     context = diagram.CreateDefaultContext()
-    diagram.get_input_port().FixValue(context, np.zeros(n))
+    for name in ("tau_limited", "extra_load_torque"):
+        diagram.GetInputPort(name).FixValue(context, np.zeros(n))
     state = context.get_continuous_state_vector().CopyToVector()
     context.SetContinuousState(np.concatenate([at, state[2 * n :]]))
     _hold_still(diagram, context, first=2 * n)
-    parts = [_taylor(diagram, context, "tau_cmd", name) for name in ("measured", "state")]
+    parts = [_taylor(diagram, context, "tau_limited", x) for x in (measured_port(design), "state")]
     C, D = np.vstack([part.C for part in parts]), np.vstack([part.D for part in parts])
     states = (*_of_joints(n, "q", "v"), *parts[0].states[2 * n :])  # the plant's are the first
     return replace(parts[0], C=C, D=D, states=states)
@@ -223,7 +228,7 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     """Return the linear feedback, with the period of its own states.
 
-    Inputs are [reference (3n), state (2n), sampled_state (2n)], the output is tau_fb (n).
+    Inputs are [reference (3n), measured (2n), sampled_state (2n)], the output is tau_fb (n).
     Encoders are ideal and without delay.
 
     Raises:
@@ -232,12 +237,13 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     n = design.robot.n
     controller = controller_class(design.scenario.controller.kind).linear(design, sample)
     at = np.concatenate([design.motion.q[sample], np.zeros(n)])
-    resting = {"reference": np.append(at, np.zeros(n)), "state": at, "sampled_state": at}
+    resting = {"reference": np.append(at, np.zeros(n)), "measured": at, "sampled_state": at}
     context = controller.CreateDefaultContext()
     ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
     for port in ports:
         port.FixValue(context, resting[port.get_name()])
-    parts = {p.get_name(): _taylor(controller, context, p.get_name(), "tau_cmd") for p in ports}
+    output = controller.get_output_port().get_name()  # tau_fb, or tau_cmd of your own
+    parts = {p.get_name(): _taylor(controller, context, p.get_name(), output) for p in ports}
     one = parts["reference"]  # all have the same states
     B, D = (
         [
@@ -256,14 +262,14 @@ def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
     `first` states (positions and speeds) stay. The other states and the torque enter the
     derivatives linearly, so one Newton step is exact.
     """
-    taylor = _taylor(diagram, context, "tau_cmd", "state")
+    taylor = _taylor(diagram, context, "tau_limited", "state")
     state = context.get_continuous_state_vector().CopyToVector()
     acting = np.hstack([taylor.A[:, first:], taylor.B])
     moving = diagram.EvalTimeDerivatives(context).CopyToVector()
     change = np.linalg.lstsq(acting, -moving, rcond=None)[0]
     others = len(state) - first
     context.SetContinuousState(state + np.concatenate([np.zeros(first), change[:others]]))
-    diagram.get_input_port().FixValue(context, change[others:])  # it was 0
+    diagram.GetInputPort("tau_limited").FixValue(context, change[others:])  # it was 0
 
 
 def _taylor(system: System, context: Context, input_name: str, output_name: str) -> StateSpace:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiagramBuilder, System
-from pydrake.systems.primitives import Adder, Gain
+from pydrake.systems.primitives import Adder
 
 from sdt_drake.analysis.step import StepMetrics, step_metrics
 from sdt_drake.io.arguments import chosen_joints
@@ -18,15 +18,19 @@ from sdt_drake.io.errors import InputError, checked_choice, checked_number, one_
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, face, formatted, listed, numbered
-from sdt_drake.run.controllers import controller_class, make_controller, own_code
-from sdt_drake.run.controllers.base import Controller
+from sdt_drake.run.controllers import (
+    controller_class,
+    make_controller,
+    own_code,
+    start_controller,
+)
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.device_diagram import equilibrium
+from sdt_drake.run.device import equilibrium
 from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import MIN_ACCURACY, make_simulator
-from sdt_drake.systems import SignalTable
+from sdt_drake.systems import signal_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,9 +236,7 @@ def _as_design(design: Design | Scenario | Loop) -> Design:
     if not isinstance(design, Loop):
         return as_design(design)
     kind = design.design.scenario.controller.kind
-    inputs = {design.get_input_port(i).get_name() for i in range(design.num_input_ports())}
-    own: type = type(design.controller)
-    if own is not controller_class(kind) or "reference" in inputs:
+    if design.owner is not controller_class(kind) or not design.is_planned:
         raise InputError(
             "a loop with a reference or a controller from outside, expected one with those of its "
             "scenario (your own controller: register_controller)",
@@ -280,27 +282,31 @@ def _run(design: Design, input: str, k: int, size: float, first: int, count: int
     added[first:, n + k if input == "reference" else k] = size
     if input == "reference":
         added[first:, k] = size * period * np.arange(len(added) - first)
-    inner = make_controller(design)
-    loop = make_loop(design, controller=_with_step(design, inner, input, added))
-    builder = DiagramBuilder()
-    builder.AddNamedSystem("loop", loop)
-    if input == "extra_load_torque":
-        load = SignalTable(motion=reference, signals={"step": added})
+    owner, inner = make_controller(design)
+    is_load = input == "extra_load_torque"
+    stepped = None if is_load else _with_step(design, inner, input, added)
+    loop = make_loop(design, controller=stepped)
+    builder, diagram = DiagramBuilder(), loop.diagram
+    builder.AddNamedSystem("loop", diagram)
+    if is_load:
+        load = signal_table(motion=reference, signals={"step": added})
         builder.AddNamedSystem("step", load)
         builder.Connect(load.get_output_port(), loop.GetInputPort("extra_load_torque"))
     accuracy = max(design.scenario.accuracy / ACCURACY_FACTOR, MIN_ACCURACY)
     simulator = make_simulator(builder.Build(), period=period, accuracy=accuracy)
     context = simulator.get_mutable_context()
-    own = loop.GetMyMutableContextFromRoot(context)
-    saturation = loop.GetSubsystemByName("dynamic_saturation")
-    ports = [*map(loop.GetOutputPort, ("state", "tau_cmd", "tau")), saturation.get_output_port()]
-    contexts = [own] * 3 + [loop.GetSubsystemContext(saturation, own)]
+    own = diagram.GetMyMutableContextFromRoot(context)
+    saturation = diagram.GetSubsystemByName("dynamic_saturation")
+    ports = [*map(diagram.GetOutputPort, ("state", "tau_cmd", "tau")), saturation.get_output_port()]
+    contexts = [own] * 3 + [diagram.GetSubsystemContext(saturation, own)]
     rows, instants = [], [(i, 0) for i in range(first)]
     instants += [(first + i // SAMPLES, i % SAMPLES) for i in range(SAMPLES * count + 1)]
-    with own_code(design, type(inner)):
-        loop.rest(own)
-        tau_cmd = equilibrium(design, steady(design.motion)).tau_cmd
-        cast(Controller, inner).rest(inner.GetMyMutableContextFromRoot(context), tau_cmd)
+    with own_code(design, owner):
+        loop.set_steady_state(own)
+        if not is_load:  # the controller is inside the system that adds the step
+            tau_cmd = equilibrium(design, steady(design.motion)).tau_cmd
+            inside = inner.GetMyMutableContextFromRoot(context)
+            start_controller(owner, inner, inside, design, tau_cmd, None)
         for sample, part in with_progress(instants):
             try:
                 simulator.AdvanceTo(sample * period + part * (period / SAMPLES))
@@ -322,39 +328,24 @@ def _stuck(design: Design, context: Context, why: object) -> InputError:
 
 
 def _with_step(design: Design, controller: System, input: str, added: Array) -> System:
-    """Return a controller with a step at its reference or at its command; itself for a load."""
-    if input == "extra_load_torque":
-        return controller
+    """Return a controller with a step at its reference or at its command."""
     delay = design.drive.reference_delay if input == "reference" else 0.0
     builder = DiagramBuilder()
     builder.AddNamedSystem("controller", controller)
-    table = SignalTable(motion=design.reference, signals={"step": added}, delay=delay)
+    table = signal_table(motion=design.reference, signals={"step": added}, delay=delay)
     step_port = builder.AddNamedSystem("step", table).get_output_port()
-    # Anti-windup compares the limited torque with the whole command.
-    signs = {"reference": {"reference": 1.0}, "tau_cmd": {"tau_limited": -1.0, "tau_cmd": 1.0}}
-
-    def plus_step(name: str) -> System | None:
-        """Add a sum of a signal and the step; None if the signal does not change."""
-        sign = signs[input].get(name)
-        if sign is None:
-            return None
-        scaled = builder.AddNamedSystem(f"{name}_step", Gain(sign, added.shape[1]))
-        total = builder.AddNamedSystem(f"{name}_sum", Adder(2, added.shape[1]))
-        builder.Connect(step_port, scaled.get_input_port())
-        builder.Connect(scaled.get_output_port(), total.get_input_port(1))
-        return total
-
+    total = builder.AddNamedSystem("sum", Adder(2, added.shape[1]))
+    builder.Connect(step_port, total.get_input_port(1))
+    output = controller.get_output_port()
     for port in map(controller.get_input_port, range(controller.num_input_ports())):
-        name = port.get_name()
-        total = plus_step(name)
-        if total is None:
-            builder.ExportInput(port, name)
-        else:
-            builder.ExportInput(total.get_input_port(0), name)
+        if port.get_name() == input == "reference":
+            builder.ExportInput(total.get_input_port(0), input)
             builder.Connect(total.get_output_port(), port)
-    tau_cmd, total = controller.GetOutputPort("tau_cmd"), plus_step("tau_cmd")
-    if total is not None:
-        builder.Connect(tau_cmd, total.get_input_port(0))
-        tau_cmd = total.get_output_port()
-    builder.ExportOutput(tau_cmd, "tau_cmd")
+        else:
+            builder.ExportInput(port, port.get_name())
+    if input == "reference":
+        builder.ExportOutput(output, output.get_name())
+    else:
+        builder.Connect(output, total.get_input_port(0))
+        builder.ExportOutput(total.get_output_port(), output.get_name())
     return builder.Build()

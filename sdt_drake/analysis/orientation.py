@@ -19,7 +19,12 @@ from sdt_drake.io.shown import Shown, Summary, face, formatted
 from sdt_drake.io.tables import data_frame
 from sdt_drake.robot.head import GRAVITY
 from sdt_drake.run.simulate import make_simulator
-from sdt_drake.systems.orientation import OrientationObserver, PerceptionModel, load_perception
+from sdt_drake.systems.orientation import (
+    PerceptionModel,
+    load_perception,
+    orientation_observer,
+    set_unfelt,
+)
 from sdt_drake.systems.reference import sample_source
 
 if TYPE_CHECKING:
@@ -156,7 +161,7 @@ def perceive(
     samples = np.hstack([specific_force, angular_rate])
     source = builder.AddNamedSystem("head", sample_source(time - time[0], samples))
     split = builder.AddNamedSystem("force_and_rate", Demultiplexer([3, 3]))
-    observer = OrientationObserver(model=chosen)
+    observer = orientation_observer(model=chosen)
     builder.AddNamedSystem("observer", observer)
     felt = builder.AddNamedSystem("felt", Multiplexer([3, 3, 3]))
     builder.Connect(source.get_output_port(), split.get_input_port())
@@ -167,7 +172,8 @@ def perceive(
     log = LogVectorOutput(felt.get_output_port(), builder, period)
     simulator = make_simulator(builder.Build(), period=period, accuracy=ACCURACY)
     context = simulator.get_mutable_context()
-    observer.rest(observer.GetMyMutableContextFromRoot(context), specific_force[0], angular_rate[0])
+    own = observer.GetMyMutableContextFromRoot(context)
+    set_unfelt(observer, own, specific_force[0], angular_rate[0])
     simulator.Initialize()
     simulator.AdvanceTo((count + 0.5) * period)  # half a period more logs the last sample for sure
 

@@ -42,6 +42,6 @@ def run(
     design = common.design_of(scenario, changes)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = out or Path(f"{name}.{format_}")
-    loop = make_loop(design)
+    loop = make_loop(design).diagram
     write_diagram(loop, path, format_=format_, max_depth=depth, drake=drake)
     echo(f"{path} written")

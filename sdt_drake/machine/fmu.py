@@ -14,7 +14,8 @@ from sdt_drake.io.resources import PACKAGE_PREFIX, find_file
 from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.run.design import Design
-from sdt_drake.run.loop import EXTERNAL, Loop
+from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.run.loop_checks import EXTERNAL
 from sdt_drake.run.scenario import Scenario
 
 FMU_INPUTS = ("torque", "reference")
@@ -70,8 +71,8 @@ def write_fmu(design: Design, path: Path, inputs: str = "torque") -> None:
 def open_loop(design: Design, inputs: str) -> Loop:
     """Return the loop of a design whose torque or reference, one of FMU_INPUTS, is an input."""
     if inputs == "torque":
-        return Loop(design, controller=EXTERNAL)
-    return Loop(design, reference=EXTERNAL)
+        return make_loop(design, controller=EXTERNAL)
+    return make_loop(design, reference=EXTERNAL)
 
 
 def _with_files(scenario: Scenario, folder: Path) -> Iterator[Path]:

@@ -141,11 +141,11 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         design = make_design(self._scenario, motion=self._design.wanted)
         self._loop = open_loop(design, self._given)
         self._simulator = make_simulator(
-            self._loop, period=self._period, accuracy=design.scenario.accuracy
+            self._loop.diagram, period=self._period, accuracy=design.scenario.accuracy
         )
         self._context = self._simulator.get_mutable_context()
         self._feed()
-        self._loop.rest(self._context, q=self._parameters["q_start"])
+        self._loop.set_steady_state(self._context, q=self._parameters["q_start"])
         self._simulator.Initialize()
         self._done = 0  # periods
         self._read()
@@ -175,7 +175,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         port.FixValue(self._context, np.concatenate([self._inputs[x] for x in self._names]))
 
     def _signal(self, name: str) -> Array:
-        return np.array(self._loop.GetOutputPort(name).Eval(self._context))
+        return np.array(self._loop.diagram.GetOutputPort(name).Eval(self._context))
 
     def _read(self) -> None:
         n, outputs = self._design.robot.n, self._outputs
@@ -184,7 +184,9 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         if "specific_force" not in outputs:
             return
         q, v = np.split(self._signal("state"), 2)
-        rates = self._loop.EvalTimeDerivatives(self._context).CopyToVector()
+        device = self._loop.diagram.GetSubsystemByName("device")  # the plant's state is its first
+        own = device.GetMyContextFromRoot(self._context)
+        rates = device.EvalTimeDerivatives(own).CopyToVector()
         head = head_motion(self._loop.design.robot, *(x[None] for x in (q, v, rates[n : 2 * n])))
         outputs["specific_force"][:] = head.specific_force[0]
         outputs["angular_rate"][:] = head.angular_velocity[0]

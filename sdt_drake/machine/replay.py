@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.threads import threads
@@ -24,7 +24,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, make_design
-from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.motor_torque import envelope
 from sdt_drake.run.scenario import Scenario, with_fields
 from sdt_drake.run.simulate import simulate
@@ -258,14 +258,14 @@ def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Signals, Array]:
 
 def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signals:
     """Simulate a design, with an extra load torque if given (motor side [N m])."""
-    diagram: Diagram = make_loop(design)
+    loop, diagram = make_loop(design), None
     if extra is not None:
         builder = DiagramBuilder()
-        builder.AddNamedSystem("loop", diagram)
+        builder.AddNamedSystem("loop", loop.diagram)
         load = builder.AddNamedSystem("extra_load", sample_source(design.reference.time, extra))
-        builder.Connect(load.get_output_port(), diagram.GetInputPort("extra_load_torque"))
+        builder.Connect(load.get_output_port(), loop.GetInputPort("extra_load_torque"))
         diagram = builder.Build()
-    run, motion = simulate(design, diagram), design.motion
+    run, motion = simulate(loop, diagram), design.motion
     q = run.q if of_links else cast(Array, run.q_measured)
     v = run.v if of_links else cast(Array, run.v_measured)
     q_error = q - motion.q
@@ -278,8 +278,7 @@ def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
     The initial states of its integrators are unknown. They add a constant torque, which is fitted
     to the recording where no motor is at its limit.
     """
-    widened = design.scenario.plant.kind == "axis"
-    run = simulate(design, Loop(design, widened=widened, moved=(at["q"], at["v"])))
+    run = simulate(design.assuming(prescribed_motion=(at["q"], at["v"])))
     lowest, highest = envelope(design, at["v"])
     # Limits of the motors, with or without the simulation's wider ones.
     least, most = np.minimum(lowest, run.tau_limited), np.maximum(highest, run.tau_limited)

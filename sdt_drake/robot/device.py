@@ -65,6 +65,11 @@ class Drive(Input):
         n1, n0 = (np.array(speeds, dtype=float) for speeds in (self.n1, self.n0))
         return Envelope(n1, n0, "drive.n1 and drive.n0")
 
+    @property
+    def is_ideal_torque(self) -> bool:
+        """True if the motors give the limited torque at once and exactly."""
+        return self.torque_bandwidth is None and self.torque_error is None
+
     def problems(self) -> Problems:
         if self.encoder_resolution is not None and self.period is None:
             yield "encoder_resolution", "needs period, to compute the speed"

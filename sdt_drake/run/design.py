@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from sdt_drake.robot.dynamics import (
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.motors import as_driven, chosen_robot
 from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.run.assumptions import Assumptions
 from sdt_drake.run.plant import (
     check_poles,
     check_reference,
@@ -61,6 +62,8 @@ class Design(Shown):
     """A learned reference; by default that of the scenario's file, if it names one."""
     fed: Feedforward | None = None
     """A torque feedforward that replaces the controller's own; by default the controller's own."""
+    assumptions: Assumptions = field(default_factory=Assumptions)
+    """What an analysis assumes of the device, unlike the scenario."""
 
     def summary(self) -> Summary:
         columns = {
@@ -138,6 +141,18 @@ class Design(Shown):
     def envelope(self) -> Envelope | None:
         """The torque-speed envelope in force, motor side; None without one."""
         return as_driven(self.robot, self.scenario.drive).envelope
+
+    @property
+    def widens_limits(self) -> bool:
+        """True if the alleviating torque widens the motors' limits."""
+        widened = self.assumptions.widened
+        return self.scenario.plant.kind == "axis" if widened is None else widened
+
+    @property
+    def needs_load_torque(self) -> bool:
+        """True if the device needs the load torque of the reference, or a disturbance does."""
+        is_disturbed = self.scenario.disturbance.amplitude > 0
+        return self.assumptions.loaded and (self.scenario.plant.kind == "axis" or is_disturbed)
 
     # --- controller ----------------------------------------------------------------------------
 
@@ -276,6 +291,15 @@ class Design(Shown):
             InputError: if the scenario does not fit them.
         """
         return Design(scenario, self.nominal, self.wanted).checked()
+
+    def assuming(self, **changes: Any) -> Design:
+        """Return this design with other `Assumptions`.
+
+        Raises:
+            InputError: if a prescribed motion has other samples or joints than the motion.
+        """
+        assumptions = replace(self.assumptions, **changes)
+        return replace(self, assumptions=assumptions.checked(self.motion))
 
     def given(self, learned: LearnedReference) -> Design:
         """Return this design with a learned reference.

@@ -1,48 +1,75 @@
-"""Checks of controllers, external references and prescribed motion before a loop is made."""
+"""Checks of controllers and external references, before a loop is made and before it runs."""
 
 from __future__ import annotations
 
-from typing import cast
+import warnings
+from typing import TYPE_CHECKING, cast
 
-from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.systems.framework import Context, System
+from pydrake.systems.primitives import PassThrough
 
-from sdt_drake.io.arguments import finite
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type
-from sdt_drake.run.controllers import in_errors
+from sdt_drake.run.controllers import in_errors, make_controller
 from sdt_drake.run.controllers.base import LOOP_SIGNALS
 from sdt_drake.run.design import Design
-from sdt_drake.systems import SignalTable
 from sdt_drake.systems.wiring import systems_in
 
+if TYPE_CHECKING:
+    from sdt_drake.run.loop import Loop
 
-def checked_controller(design: Design, controller: System) -> System:
-    """Return a controller after a check of its ports."""
+EXTERNAL = "external"
+"""Option for a reference or controller outside the loop: the loop has an input for it."""
+
+
+def chosen_controller(design: Design, controller: System | str | None) -> tuple[type, System]:
+    """Return class and system of a loop's controller; a pass-through for an external one."""
+    if isinstance(controller, str) and controller == EXTERNAL:
+        return PassThrough, PassThrough(design.robot.n)
+    if controller is None:
+        owner, law = make_controller(design)
+    else:
+        owner, law = type(controller), cast(System, controller)  # a text is refused
+    return owner, checked_controller(design, owner, law)
+
+
+def checked_controller(design: Design, owner: type, controller: System) -> System:
+    """Return a controller after a check of its ports; `owner` is its class."""
     checked_type(controller, System, "controller", "calling its class")
-    where, n = in_errors(design, type(controller)), design.robot.n
+    where, n = in_errors(design, owner), design.robot.n
     ports = map(controller.get_output_port, range(controller.num_output_ports()))
     outputs = {port.get_name(): port.size() for port in ports}
-    if outputs != {"tau_cmd": n}:
+    if outputs not in ({"tau_cmd": n}, {"tau_fb": n}):
         found = ", ".join(f"{name} of length {size}" for name, size in outputs.items())
         raise InputError(
             f"{where}: outputs: {found or 'none'}, expected tau_cmd of length {n} alone"
         )
+    sizes = {"reference": 3 * n, "state": 2 * n, "measured": 2 * n, "sampled_state": 2 * n}
     inputs = map(controller.get_input_port, range(controller.num_input_ports()))
-    for name in (port.get_name() for port in inputs):
-        if name not in LOOP_SIGNALS:
+    for name, size in [(port.get_name(), port.size()) for port in inputs]:
+        if name == "state":
+            warnings.warn(
+                f"{where}: its input 'state' is called 'measured', and works until 0.7",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+        elif name not in LOOP_SIGNALS:
             raise InputError(
                 f"{where}: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"
             )
-        port = int(controller.GetInputPort(name).get_index())
-        if name == "tau_limited" and controller.HasDirectFeedthrough(port, 0):
+        if size != sizes.get(name, n):
             raise InputError(
-                f"{where}: tau_cmd depends on tau_limited at once, and tau_limited on tau_cmd, an "
-                "algebraic loop; expected prerequisites_of_calc of tau_cmd without tau_limited"
+                f"{where}: input '{name}' has length {size}, expected {sizes.get(name, n)}"
+            )
+        port = int(controller.GetInputPort(name).get_index())
+        if name in ("tau_cmd", "tau_limited") and controller.HasDirectFeedthrough(port, 0):
+            raise InputError(
+                f"{where}: its torque depends on {name} at once, and {name} on it, an "
+                f"algebraic loop; expected prerequisites_of_calc of its output without {name}"
             )
     return controller
 
 
-def check_no_tables(design: Design, builder: DiagramBuilder) -> None:
+def check_no_tables(design: Design, *blocks: System) -> None:
     """Check that no block needs a table along the planned motion."""
     if design.scenario.plant.kind == "axis":
         raise InputError(
@@ -50,9 +77,9 @@ def check_no_tables(design: Design, builder: DiagramBuilder) -> None:
             "expected plant.kind coupled",
             place="reference",
         )
-    for block in builder.GetSystems():
+    for block in blocks:
         for table in systems_in(block):
-            if isinstance(table, SignalTable):
+            if table.get_name().endswith("_table"):
                 raise InputError(
                     f"'external', but {table.get_name()} is computed along the planned motion; "
                     "expected inverse_dynamics online, and a controller without a schedule or a "
@@ -61,12 +88,12 @@ def check_no_tables(design: Design, builder: DiagramBuilder) -> None:
                 )
 
 
-def checked_moved(design: Design, moved: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return prescribed joint motion after a check of its shape."""
-    shape = design.motion.q.shape
-    arrays = cast(Array, finite("(2, N + 1, n)")(moved, "moved"))
-    if arrays.shape != (2, *shape):
-        raise InputError(
-            f"of shape {arrays.shape}, expected (2, {shape[0]}, {shape[1]})", place="moved"
-        )
-    return arrays[0], arrays[1]
+def check_inputs(loop: Loop, own: Context) -> None:
+    """Check that an external reference or controller is connected; `own` is the loop's context."""
+    diagram = loop.diagram
+    for port in map(diagram.get_input_port, range(diagram.num_input_ports())):
+        if not port.HasValue(own) and port.get_name() != "extra_load_torque":
+            raise InputError(
+                f"external, but nothing is connected, expected {port.size()} numbers",
+                place=port.get_name(),
+            )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.robot.envelope import widened
-from sdt_drake.run.controllers.base import Controller
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop
+from sdt_drake.run.recorded import after_updates
 from sdt_drake.systems import mean_torque
 
 _MARGIN = 1e-6
@@ -27,7 +27,7 @@ def period_torque(loop: Loop, signals: Mapping[str, Array]) -> dict[str, Array]:
 
     Args:
         loop: the loop that was run.
-        signals: the signals that it recorded, see `Loop.recorded`.
+        signals: the signals that it recorded, see `recorded`.
 
     Returns:
         Columns of a `Recording`, motor side, shape (N + 1, n): tau_peak, tau_rms, tau_mean [N m]
@@ -85,23 +85,24 @@ def _steps(loop: Loop, signals: Mapping[str, Array]) -> _Steps:
     speed = np.zeros_like(tau)  # not used without an envelope
     if "motor_state" in signals:
         speed = np.split(signals["motor_state"][rows], 2, axis=-1)[1]
-    limits = torque_limits(design, newest, speed, loop.widened)
+    limits = torque_limits(design, newest, speed)
     lower, upper = (np.broadcast_to(limit, tau.shape) for limit in limits)
     span = np.diff(time)[begin, None]
     steps = _Steps(time[begin], span, tau_cmd, tau, metered, lower, upper)
-    if loop.predicts_updates:
-        _set_starts(loop, signals, steps)
+    if (D := loop.feedthrough) is not None:
+        _set_starts(loop, D, signals, steps)
     return steps
 
 
-def _set_starts(loop: Loop, signals: Mapping[str, Array], steps: _Steps) -> None:
+def _set_starts(
+    loop: Loop, D: Mapping[str, Array], signals: Mapping[str, Array], steps: _Steps
+) -> None:
     """Set the torque at the start of steps to that just after an update, from the controller."""
     drive, period = loop.design.drive, loop.updates[-1]
     updates = np.arange(len(signals["tau_cmd"]) - 1) * period
     first = np.searchsorted(steps.begin, updates - _MARGIN * period)
     newest = arrived(loop.design, updates, _MARGIN)
-    controller = cast(Controller, loop.controller)
-    after = controller.after_updates(signals["tau_cmd"], signals["measured"], newest)
+    after = after_updates(loop, D, signals["tau_cmd"], signals["measured"], newest)
     steps.tau_cmd[0, first] = after
     if drive.torque_bandwidth is None:  # a torque loop does not jump
         error = np.array(0.0 if drive.torque_error is None else drive.torque_error)
@@ -127,22 +128,19 @@ def arrived(design: Design, time: Array, margin: float | Array = -_MARGIN) -> In
     return np.maximum(np.floor(periods + margin).astype(int), 0)
 
 
-def torque_limits(
-    design: Design, newest: Index, speed: Array, widens: bool | None = None
-) -> tuple[Array, Array]:
+def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, Array]:
     """Return lower and upper torque limit of the saturation, motor side [N m].
 
     Args:
         design: the design of the loop.
         newest: newest samples of the reference, shape (...); see `arrived`.
         speed: speed of the motors, joint side [rad/s], shape (..., n).
-        widens: whether the alleviating torque widens the limits; by default on the axis plant.
 
     Returns:
         Two arrays of shape (..., n), or (n,) if the limits are constant.
     """
     limits = envelope(design, speed)
-    if design.scenario.plant.kind == "axis" if widens is None else widens:
+    if design.widens_limits:
         return widened(*limits, design.loads.alleviating_torque[newest])
     return limits
 

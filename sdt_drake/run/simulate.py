@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -14,9 +15,9 @@ from pydantic import ConfigDict, SkipValidation, WithJsonSchema
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 
-from sdt_drake.io.arguments import a, a_path, takes
+from sdt_drake.io.arguments import a_path, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.errors import InputError, checked_number, checked_type
 from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
@@ -25,7 +26,9 @@ from sdt_drake.motion import Motion
 from sdt_drake.run.controllers import in_errors, own_code
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.run.loop_checks import check_inputs
 from sdt_drake.run.motor_torque import arrived, period_torque
+from sdt_drake.run.recorded import recorded
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.wiring import systems_in
 
@@ -218,10 +221,9 @@ def make_simulator(
     return simulator
 
 
-@takes(diagram=a(Diagram, "sdt_drake.loop"))
 def simulate(
-    design: Design | Scenario,
-    diagram: Diagram | None = None,
+    design: Loop | Design | Scenario,
+    diagram: Diagram | Loop | None = None,
     *,
     realtime_rate: float = 0.0,
     q: Array | None = None,
@@ -230,16 +232,16 @@ def simulate(
     """Simulate a loop for the duration of its motion, from a steady start on the reference.
 
     Args:
-        design: a design, or a scenario, which is resolved here.
-        diagram: the loop of the design, or a diagram that contains it at any depth; made here by
-            default.
+        design: a loop, or a design or scenario, whose loop is made here.
+        diagram: a diagram that contains the diagram of the loop at any depth; by default that
+            diagram itself. A loop of the design, as up to 0.4, works until 0.7 and warns.
         realtime_rate: simulated time per real time, 1 to watch in a Meshcat; 0 for full speed.
-        q: initial angles, joint side [rad], shape (n,); see `Loop.rest`.
-        v: initial speeds, joint side [rad/s], shape (n,); see `Loop.rest`.
+        q: initial angles, joint side [rad], shape (n,); see `Loop.set_steady_state`.
+        v: initial speeds, joint side [rad/s], shape (n,); see `Loop.set_steady_state`.
 
     Raises:
-        InputError: if the diagram lacks the loop of the design, an external reference or controller
-            is not connected, a command is not finite, or the integrator is stuck, with the time.
+        InputError: if the diagram lacks the loop, an external reference or controller is not
+            connected, a command is not finite, or the integrator is stuck, with the time.
 
     Examples:
         >>> import numpy as np
@@ -251,21 +253,19 @@ def simulate(
         >>> recording.q.shape, float(abs(recording.position_error).max())
         ((21, 4), 0.0)
     """
-    design = as_design(design)
+    loop, diagram = _loop_and_diagram(design, diagram)
+    design = loop.design
     checked_number(realtime_rate, "realtime_rate", minimum=0)
-    diagram = make_loop(design) if diagram is None else diagram
-    loop = _loop_in(design, diagram)
     period, accuracy = design.reference.period, design.scenario.accuracy
     if design.scenario.plant.kind == "axis":
         accuracy = max(accuracy / AXIS_ACCURACY_FACTOR, MIN_ACCURACY)
     simulator = make_simulator(
         diagram, period=period, accuracy=accuracy, realtime_rate=realtime_rate
     )
-    context = simulator.get_mutable_context()
-    own = loop.GetMyMutableContextFromRoot(context)
-    with own_code(design, type(loop.controller)):
-        _check_inputs(loop, own)
-        loop.rest(own, q, v)
+    context, own = simulator.get_mutable_context(), _own_context(loop, simulator)
+    with own_code(design, loop.owner):
+        check_inputs(loop, own)
+        loop.set_steady_state(own, q, v)
         try:
             simulator.Initialize()
             _look(loop, own)  # Drake's integrator may never end at a NaN
@@ -279,30 +279,28 @@ def simulate(
                 f"scenario '{design.scenario.name}': the simulation is stuck at "
                 f"{context.get_time():.6g} s ({reason})"
             ) from None
-        signals = loop.recorded(own)
+        signals = recorded(loop, own)
         tau_cmd = signals["tau_cmd"]
         _check_command(loop, tau_cmd, loop.updates[-1] * np.arange(len(tau_cmd)))
         return _recording(loop, signals)
 
 
-def _check_inputs(loop: Loop, own: Context) -> None:
-    """Check that an external reference or controller of the loop is connected."""
-    for port in map(loop.get_input_port, range(loop.num_input_ports())):
-        if not port.HasValue(own) and port.get_name() != "extra_load_torque":
-            raise InputError(
-                f"external, but nothing is connected, expected {port.size()} numbers",
-                place=port.get_name(),
-            )
+def _own_context(loop: Loop, simulator: Simulator) -> Context:
+    """Return the context of a loop in a simulator."""
+    root = simulator.get_mutable_context()
+    if simulator.get_system() is loop.diagram:
+        return root  # pydrake never frees a context that was asked for itself
+    return loop.diagram.GetMyMutableContextFromRoot(root)
 
 
 def _look(loop: Loop, own: Context) -> None:
     """Check that reference and command of the loop are finite now; `own` is the loop's context."""
     if "reference" in loop.logs:
-        reference = np.array(loop.GetOutputPort("reference").Eval(own))
+        reference = np.array(loop.diagram.GetOutputPort("reference").Eval(own))
         if not np.isfinite(reference).all():
             text = f"{reference} at {own.get_time():.6g} s, expected finite numbers"
             raise InputError(text, place="reference")
-    tau_cmd = np.array(loop.GetOutputPort("tau_cmd").Eval(own))
+    tau_cmd = np.array(loop.diagram.GetOutputPort("tau_cmd").Eval(own))
     _check_command(loop, tau_cmd[None], [own.get_time()])
 
 
@@ -310,7 +308,7 @@ def _check_command(loop: Loop, tau_cmd: Array, time: Array | Sequence[float]) ->
     """Check that commands, shape (N, n), are finite, even if limits would cut them."""
     for i, k in np.argwhere(~np.isfinite(tau_cmd)):
         raise InputError(
-            f"{in_errors(loop.design, type(loop.controller))}: tau_cmd of joint {k + 1} is "
+            f"{in_errors(loop.design, loop.owner)}: tau_cmd of joint {k + 1} is "
             f"{tau_cmd[i, k]} at {time[i]:.6g} s, expected finite numbers"
         )
 
@@ -322,31 +320,43 @@ def _run(simulator: Simulator, loop: Loop) -> None:
     interruptible = threading.current_thread() is threading.main_thread()
     samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
     simulator.AdvancePendingEvents()  # the first row of the log is that after the first update
-    if loop.predicts_updates:
+    if loop.feedthrough is not None:
         for end in with_progress(np.unique(np.linspace(0, samples, N_SLICES + 1, dtype=int))[1:]):
             simulator.AdvanceTo(end * period, interruptible=interruptible)
         return
-    own = loop.GetMyContextFromRoot(simulator.get_context())
-    step = loop.updates[-1]
+    own, step = _own_context(loop, simulator), loop.updates[-1]
     for i in with_progress(range(round(samples * period / step))):
         for end in loop.updates[1:]:
             simulator.AdvancePendingEvents()  # so that the torque just after the update is logged
             _look(loop, own)
             until = (i + 1) * step if end == step else i * step + end
             simulator.AdvanceTo(until, interruptible=interruptible)
-            _look(loop, own)
     simulator.AdvancePendingEvents()  # an external reference has its last sample only now
 
 
-def _loop_in(design: Design, diagram: Diagram) -> Loop:
-    """Return the only loop in a diagram, which must be that of the design."""
-    loops = [system for system in systems_in(diagram) if isinstance(system, Loop)]
-    if len(loops) != 1 or loops[0].design is not design:
+def _loop_and_diagram(
+    design: Loop | Design | Scenario, diagram: Diagram | Loop | None
+) -> tuple[Loop, Diagram]:
+    """Return the loop to simulate, and the diagram to simulate it in."""
+    if isinstance(diagram, Loop):
+        loop = diagram
+        if design not in (loop, loop.design, loop.design.scenario):
+            name = loop.diagram.get_name()
+            raise InputError(f"{name!r}, expected the loop of the design", place="diagram")
+        text = "simulate(design, loop) is simulate(loop), and goes in 0.7"
+        warnings.warn(text, DeprecationWarning, stacklevel=3)
+        return loop, loop.diagram
+    if diagram is not None:
+        checked_type(diagram, Diagram, "diagram", "DiagramBuilder.Build")
+    loop = design if isinstance(design, Loop) else make_loop(design)
+    if diagram is None:
+        return loop, loop.diagram
+    if not any(system is loop.diagram for system in systems_in(diagram)):
         raise InputError(
-            f"diagram: {diagram.get_name()!r}, expected the loop of the design or a diagram that "
-            "has it as a subsystem"
+            f"{diagram.get_name()!r}, expected a diagram that contains that of the loop",
+            place="diagram",
         )
-    return loops[0]
+    return loop, diagram
 
 
 def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:

@@ -6,8 +6,9 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from sdt_drake.systems import AxisProcess, PiSpeedController
+from sdt_drake.systems import axis_process, pi_speed_controller
 from sdt_drake.systems.gains import SpeedGains
+from sdt_drake.systems.wiring import build
 
 
 def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagram:
@@ -23,16 +24,14 @@ def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagra
     builder = DiagramBuilder()
     # q_ref, v_ref, vd_ref
     step = builder.AddNamedSystem("step_reference", ConstantVectorSource(np.array([0.0, 1.0, 0.0])))
-    pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
+    pi = pi_speed_controller(gains=gains, gear_ratio=[1.0], structure=structure)
     builder.AddNamedSystem("pi_speed_controller", pi)
     no_load = builder.AddNamedSystem("no_load", ConstantVectorSource(np.zeros(1)))
-    process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
+    process = axis_process(i_eff=[i_eff], gear_ratio=[1.0])
     builder.AddNamedSystem("axis_process", process)
     builder.Connect(step.get_output_port(), pi.GetInputPort("reference"))
-    builder.Connect(process.get_output_port(), pi.GetInputPort("state"))
+    builder.Connect(process.get_output_port(), pi.GetInputPort("measured"))
     builder.Connect(pi.get_output_port(), process.GetInputPort("tau"))
     builder.Connect(no_load.get_output_port(), process.GetInputPort("load_torque"))
     builder.ExportOutput(process.get_output_port(), "state")
-    loop = builder.Build()
-    loop.set_name("step_loop")
-    return loop
+    return build(builder, "step_loop")

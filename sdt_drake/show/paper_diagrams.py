@@ -28,7 +28,7 @@ def _loop(name: str, base: Design) -> Diagram:
     scenario.inverse_dynamics = "online"
     if scenario.plant.kind == "coupled":
         scenario.disturbance.amplitude = 0.05
-    return make_loop(base.variant(scenario))
+    return make_loop(base.variant(scenario)).diagram
 
 
 DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {

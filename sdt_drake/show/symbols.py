@@ -9,7 +9,8 @@ from sdt_drake.show.diagrams import Symbols
 
 def _encoder(block: System) -> str:
     timing = block.GetUniquePeriodicDiscreteUpdateAttribute()
-    assert timing is not None  # all holds of an encoder have the same period
+    if timing is None:  # an ideal one, not drawn
+        return ""
     return f"encoder\n{1e3 * timing.period_sec():g} ms"
 
 
@@ -18,25 +19,32 @@ def _saturation(block: System) -> str:
 
 
 SYMBOLS: Symbols = {
-    "AxisProcess": "1 / (I_eff s)",
-    "Disturbance": "A sin(omega_D t)",
-    "DynamicSaturation": _saturation,
-    "ElasticJoints": "elastic\njoints",
-    "Encoder": _encoder,
-    "GainSchedule": "speeds x\nI_eff / I_eff,max",
-    "InverseDynamicsController": "feedback\nlinearisation",
-    "JointFriction": "friction",
-    "PiSpeedController.asked": "1/K_PS",
-    "PiSpeedController.given": "1/K_PS",
-    "PiSpeedController.integral": "1/s",
-    "PiSpeedController.motor_speed": "r",
-    "PiSpeedController.motor_speed_ref": "r",
-    "PositionLoop": "v_ref +\nK_V (q_ref - q)",
-    "ReferenceSource": "planner",
+    "axis_process": "1 / (I_eff s)",
+    "device": "",
+    "disturbance": "A sin(omega_D t)",
+    "drawing": "Meshcat",
+    "dynamic_saturation": _saturation,
+    "elastic_joints": "elastic\njoints",
+    "encoder.drives": _encoder,
+    "encoder.samples": _encoder,
+    "feedforward": "",
+    "feedforward_table": "table",
+    "friction": "friction",
+    "gain_schedule": "speeds x\nI_eff / I_eff,max",
+    "gears": "r",
+    "inertia_table": "table",
+    "inverse_dynamics": "feedback\nlinearisation",
+    "load_gears": "r",
+    "load_torque_table": "table",
+    "multibody_plant": "Multibody\nPlant",
+    "pi_speed_controller.command": "1/K_PS",
+    "pi_speed_controller.integral": "1/s",
+    "pi_speed_controller.motor_speed": "r",
+    "pi_speed_controller.motor_speed_ref": "r",
+    "pi_speed_controller.saturated": "1/K_PS",
+    "position_loop": "v_ref +\nK_V (q_ref - q)",
+    "reference_source": "planner",
+    "torque_loop": "torque\nloop",
     "ReferenceTorque": "inverse\ndynamics",
-    "RobotDrawing": "Meshcat",
-    "RobotPlant": "Multibody\nPlant",
-    "SignalTable": "table",
-    "TorqueLoop": "torque\nloop",
 }
-"""Symbols by class, in the form of `sdt_drake.show.diagrams.walk`."""
+"""Symbols by name of the system or class, in the form of `sdt_drake.show.diagrams.walk`."""

@@ -1,10 +1,10 @@
 """The Drake blocks, one file per kind.
 
-A block is a LeafSystem, or a Diagram of Drake's own systems, with named ports and a keyword-only
-constructor. Each works alone in any DiagramBuilder. Its docstring names its state, if it has one;
-`rest(context, ...)` sets the initial state in the block's own context. Sizes and numbers that do
-not fit raise an `InputError`. `connect_by_name` wires the blocks of a builder by the signals of
-their ports. All are vectors of length n unless the table gives another length:
+A block is a Diagram of Drake's own systems, made by a function, or a LeafSystem, with named ports
+and keyword-only arguments. Each works alone in any DiagramBuilder. Its docstring names its state,
+if it has one; the function `set_...` beside it sets that state in the block's own context. Sizes
+and numbers that do not fit raise an `InputError`. Ports have the names of their signals. All are
+vectors of length n unless the table gives another length:
 
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
     speed_reference      reference with the commanded speed of a position loop, length 3n
@@ -19,7 +19,7 @@ their ports. All are vectors of length n unless the table gives another length:
     friction             friction of the joints, motor side [N m]
     inertia_share        I_eff over its largest value [-]
     weighted_reference   reference with speeds times inertia_share, length 3n
-    weighted_state       state with speeds times inertia_share, length 2n
+    weighted_measured    measured with speeds times inertia_share, length 2n
     tau_fb               feedback torque, motor side [N m]
     tau_ff               feedforward torque, motor side [N m]
     tau_cmd              commanded torque, their sum, motor side [N m]
@@ -33,38 +33,56 @@ specific_force [m/s²] and angular_rate [rad/s]; outputs, as felt, gravity [G], 
 acceleration [m/s²].
 """
 
-from sdt_drake.systems.axis_process import AxisProcess
-from sdt_drake.systems.disturbance import Disturbance
-from sdt_drake.systems.elastic_joints import ElasticJoints
-from sdt_drake.systems.encoder import Encoder
-from sdt_drake.systems.feedforward import CtcFeedforward
-from sdt_drake.systems.friction import JointFriction
-from sdt_drake.systems.gain_schedule import GainSchedule
-from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
+from sdt_drake.systems.axis_process import axis_process
+from sdt_drake.systems.disturbance import disturbance
+from sdt_drake.systems.elastic_joints import elastic_joints
+from sdt_drake.systems.encoder import encoder
+from sdt_drake.systems.friction import joint_friction
+from sdt_drake.systems.gain_schedule import gain_schedule
+from sdt_drake.systems.inverse_dynamics import inverse_dynamics_controller
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.meter import add_meter, mean_torque
-from sdt_drake.systems.orientation import InternalModel, OrientationObserver, load_perception
-from sdt_drake.systems.pi import PiSpeedController
-from sdt_drake.systems.position_loop import PositionLoop
+from sdt_drake.systems.orientation import internal_model, load_perception, orientation_observer
+from sdt_drake.systems.pi import pi_speed_controller
+from sdt_drake.systems.position_loop import position_loop
 from sdt_drake.systems.reference import (
-    ReferenceSource,
-    SignalTable,
     arrival,
     hold_of,
+    reference_source,
     sample_source,
+    signal_table,
 )
-from sdt_drake.systems.robot_drawing import RobotDrawing
-from sdt_drake.systems.robot_plant import RobotPlant
-from sdt_drake.systems.saturation import DynamicSaturation
-from sdt_drake.systems.symbolic import SymbolicLaw
-from sdt_drake.systems.torque_loop import TorqueLoop
-from sdt_drake.systems.wiring import connect_by_name
+from sdt_drake.systems.robot_drawing import robot_drawing
+from sdt_drake.systems.robot_plant import robot_plant
+from sdt_drake.systems.saturation import dynamic_saturation
+from sdt_drake.systems.symbolic import symbolic_law
+from sdt_drake.systems.torque_loop import torque_loop
 
 __all__ = [
-    "AxisProcess", "CtcFeedforward", "Disturbance", "DynamicSaturation", "ElasticJoints", "Encoder",
-    "GainSchedule", "InternalModel", "InverseDynamicsController", "JointFriction", "LoadTorque",
-    "OrientationObserver", "PiSpeedController", "PositionLoop", "ReferenceSource",
-    "ReferenceTorque", "RobotDrawing", "RobotPlant", "SignalTable", "SymbolicLaw", "TorqueLoop",
-    "add_meter", "arrival", "connect_by_name", "hold_of", "load_perception", "mean_torque",
+    "LoadTorque",
+    "ReferenceTorque",
+    "add_meter",
+    "arrival",
+    "axis_process",
+    "disturbance",
+    "dynamic_saturation",
+    "elastic_joints",
+    "encoder",
+    "gain_schedule",
+    "hold_of",
+    "internal_model",
+    "inverse_dynamics_controller",
+    "joint_friction",
+    "load_perception",
+    "mean_torque",
+    "orientation_observer",
+    "pi_speed_controller",
+    "position_loop",
+    "reference_source",
+    "robot_drawing",
+    "robot_plant",
     "sample_source",
+    "signal_table",
+    "symbolic_law",
+    "torque_loop",
 ]  # fmt: skip

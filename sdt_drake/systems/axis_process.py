@@ -2,19 +2,20 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
+from sdt_drake.systems.wiring import build
 
 
-class AxisProcess(Diagram):
-    """The axis plant: n independent motors with constant inertia (Eq. 1).
+def axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
+    """Make the axis plant: n independent motors with constant inertia (Eq. 1).
 
         I_eff r dv/dt = tau - load_torque,    dq/dt = v
 
-    Torques and I_eff are motor side, q and v joint side. State: q and v. Coupling, gravity and
-    friction act only through `load_torque`.
+    Torques and I_eff are motor side, q and v joint side. State: q and v, of the nested system
+    "motors". Coupling, gravity and friction act only through `load_torque`.
 
     Args:
         i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
@@ -22,33 +23,25 @@ class AxisProcess(Diagram):
 
     .. pydrake_system::
 
-        name: AxisProcess
+        name: axis_process
         input_ports: [tau, load_torque]
         output_ports: [state]
     """
-
-    def __init__(self, *, i_eff: ArrayLike, gear_ratio: ArrayLike) -> None:
-        super().__init__()
-        builder = DiagramBuilder()
-        i_eff = checked_positive(i_eff, "i_eff")
-        n = len(i_eff)
-        zero, one = np.zeros((n, n)), np.eye(n)
-        per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
-        self._motors = LinearSystem(
-            A=np.block([[zero, one], [zero, zero]]),
-            B=np.block([[zero, zero], [per_torque, -per_torque]]),
-            C=np.eye(2 * n),
-            D=np.zeros((2 * n, 2 * n)),
-        )
-        torques = builder.AddNamedSystem("inputs", Multiplexer([n, n]))
-        builder.AddNamedSystem("motors", self._motors)
-        builder.ExportInput(torques.get_input_port(0), "tau")
-        builder.ExportInput(torques.get_input_port(1), "load_torque")
-        builder.Connect(torques.get_output_port(), self._motors.get_input_port())
-        builder.ExportOutput(self._motors.get_output_port(), "state")
-        builder.BuildInto(self)
-
-    def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
-        """Set the state to q [rad] and v [rad/s], joint side."""
-        own = self.GetMutableSubsystemContext(self._motors, context)
-        own.SetContinuousState(np.concatenate([q, v]))
+    builder = DiagramBuilder()
+    i_eff = checked_positive(i_eff, "i_eff")
+    n = len(i_eff)
+    zero, one = np.zeros((n, n)), np.eye(n)
+    per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
+    motors = LinearSystem(
+        A=np.block([[zero, one], [zero, zero]]),
+        B=np.block([[zero, zero], [per_torque, -per_torque]]),
+        C=np.eye(2 * n),
+        D=np.zeros((2 * n, 2 * n)),
+    )
+    torques = builder.AddNamedSystem("inputs", Multiplexer([n, n]))
+    builder.AddNamedSystem("motors", motors)
+    builder.ExportInput(torques.get_input_port(0), "tau")
+    builder.ExportInput(torques.get_input_port(1), "load_torque")
+    builder.Connect(torques.get_output_port(), motors.get_input_port())
+    builder.ExportOutput(motors.get_output_port(), "state")
+    return build(builder, "axis_process")

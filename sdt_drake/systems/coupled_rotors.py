@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import proxy
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -37,6 +38,8 @@ def CoupledRotors_(T: type) -> type:  # noqa: N802 (a template of Drake)
             output_ports: [rotors]
         """
 
+        __slots__ = tuple[str, ...]()  # pydrake never frees a system with a second __dict__
+
         def _construct(
             self, plant: MultibodyPlant, shared_inertia: Array, converter: Any = None
         ) -> None:
@@ -52,7 +55,12 @@ def CoupledRotors_(T: type) -> type:  # noqa: N802 (a template of Drake)
             self._state = self.DeclareVectorInputPort("state", 2 * n)
             self._applied = self.DeclareVectorInputPort("force", n)
             inputs = {self._state.ticket(), self._applied.ticket()}
-            self.DeclareVectorOutputPort("rotors", n, self._calc, prerequisites_of_calc=inputs)
+            block = proxy(self)  # Drake keeps functions forever that refer to their own system
+
+            def calc(context: Any, output: Any) -> None:
+                block._calc(context, output)
+
+            self.DeclareVectorOutputPort("rotors", n, calc, prerequisites_of_calc=inputs)
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             plant, shared_inertia = other.made_of

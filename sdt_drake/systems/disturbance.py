@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import pydrake.symbolic as sym
+from pydrake.systems.framework import Diagram
 
 from sdt_drake.io.errors import checked_count, checked_number
-from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
+from sdt_drake.systems.symbolic import TIME, Symbols, symbolic_law
 
 
-class Disturbance(SymbolicLaw):
-    """A disturbance of the load torque that the controller's model lacks (Section 3.4, Figure 6).
+def disturbance(*, n: int, amplitude: float, omega_d: float) -> Diagram:
+    """Make a disturbance of the load torque that the controller's model lacks (Figure 6).
 
         disturbance = A sin(omega_D t) load_torque        [N m], motor side
 
@@ -20,17 +21,18 @@ class Disturbance(SymbolicLaw):
 
     .. pydrake_system::
 
-        name: Disturbance
+        name: disturbance
         input_ports: [load_torque]
         output_ports: [disturbance]
     """
+    checked_count(n, "n")
+    checked_number(amplitude, "amplitude", minimum=0)
+    checked_number(omega_d, "omega_d", minimum=0)
 
-    def __init__(self, *, n: int, amplitude: float, omega_d: float) -> None:
-        checked_count(n, "n")
-        checked_number(amplitude, "amplitude", minimum=0)
-        checked_number(omega_d, "omega_d", minimum=0)
+    def law(load_torque: Symbols) -> list[sym.Expression]:
+        return [amplitude * sym.sin(omega_d * TIME) * tau for tau in load_torque]
 
-        def law(load_torque: Symbols) -> list[sym.Expression]:
-            return [amplitude * sym.sin(omega_d * self.time) * tau for tau in load_torque]
-
-        super().__init__(inputs={"load_torque": n}, output="disturbance", law=law, timed=True)
+    inputs = {"load_torque": n}
+    return symbolic_law(
+        inputs=inputs, output="disturbance", law=law, timed=True, name="disturbance"
+    )

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import MatrixGain
 
 from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.device import (
@@ -12,13 +14,14 @@ from sdt_drake.robot.device import (
     sliding_stretch,
     speed_friction,
 )
-from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
+from sdt_drake.systems.symbolic import Symbols, symbolic_law
+from sdt_drake.systems.wiring import build, set_state
 
 _UNIT = 100.0  # z / z_c per unit of the state; z / z_c is in the hundreds when sliding
 
 
-class JointFriction(SymbolicLaw):
-    """Coulomb, viscous and Stribeck friction that can hold a joint at rest.
+def joint_friction(*, friction: FrictionParameters, gear_ratio: ArrayLike) -> Diagram:
+    """Make Coulomb, viscous and Stribeck friction that can hold a joint at rest.
 
     Bristles of length z carry the Coulomb friction like a spring up to z_c, and slip beyond it.
     This elastic, perfectly plastic element neither creeps under a load below F_c nor drifts under
@@ -34,7 +37,8 @@ class JointFriction(SymbolicLaw):
     (F - F_0) v - dW/dt is a sum of terms >= 0.
 
     In sliding, z is constant at z_c + v / lambda and F is `sliding_friction`. Under a load between
-    F_c and F_b the joint creeps at less than v_s. State: z / z_c / 100.
+    F_c and F_b the joint creeps at less than v_s. State: z / z_c / 100 of the nested system "law".
+    Purely viscous friction has no bristles and no state.
 
     Args:
         friction: parameters of n joints, joint side.
@@ -42,34 +46,49 @@ class JointFriction(SymbolicLaw):
 
     .. pydrake_system::
 
-        name: JointFriction
+        name: joint_friction
         input_ports: [state]
         output_ports: [friction]
     """
+    n = len(friction.coulomb)
+    r = checked_positive(gear_ratio, "gear_ratio", n)
+    z_c = friction.presliding
+    if not np.any([friction.coulomb, friction.breakaway, friction.offset]):
+        builder = DiagramBuilder()
+        gain = np.hstack([np.zeros((n, n)), np.diag(friction.viscous / r)])
+        viscous = builder.AddNamedSystem("viscous", MatrixGain(gain))
+        builder.ExportInput(viscous.get_input_port(), "state")
+        builder.ExportOutput(viscous.get_output_port(), "friction")
+        return build(builder, "joint_friction")
 
-    def __init__(self, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
-        n = len(friction.coulomb)
-        r = checked_positive(gear_ratio, "gear_ratio", n)
-        z_c = friction.presliding
-        self._friction = friction
+    def within(stretch: sym.Expression) -> sym.Expression:
+        return sym.min(sym.max(stretch, sym.Expression(-1)), sym.Expression(1))
 
-        def within(stretch: sym.Expression) -> sym.Expression:
-            return sym.min(sym.max(stretch, sym.Expression(-1)), sym.Expression(1))
+    # Scaled for error control: as z [rad] the state would be too small, as z / z_c too large.
+    def rates(x: Symbols, state: Symbols) -> list[sym.Expression]:
+        stretch = _UNIT * x
+        overflow = stretch - [within(u) for u in stretch]
+        return list((state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT)
 
-        # Scaled for error control: as z [rad] the state would be too small, as z / z_c too large.
-        def rates(x: Symbols, state: Symbols) -> list[sym.Expression]:
-            stretch = _UNIT * x
-            overflow = stretch - [within(u) for u in stretch]
-            return list((state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT)
+    def law(x: Symbols, state: Symbols) -> list[sym.Expression]:
+        v = state[n:]
+        damped = _UNIT * x + PRESLIDING_DAMPING_TIME / z_c * v
+        bristles = friction.coulomb * [within(u) for u in damped]
+        return list((bristles + speed_friction(friction, v)) / r)
 
-        def law(x: Symbols, state: Symbols) -> list[sym.Expression]:
-            v = state[n:]
-            damped = _UNIT * x + PRESLIDING_DAMPING_TIME / z_c * v
-            bristles = friction.coulomb * [within(u) for u in damped]
-            return list((bristles + speed_friction(friction, v)) / r)
+    return symbolic_law(
+        inputs={"state": 2 * n},
+        output="friction",
+        law=law,
+        rates=rates,
+        states=n,
+        name="joint_friction",
+    )
 
-        super().__init__(inputs={"state": 2 * n}, output="friction", law=law, rates=rates, states=n)
 
-    def rest(self, context: Context, v: ArrayLike) -> None:
-        """Set the bristles to steady sliding at v [rad/s], joint side; unloaded at v = 0."""
-        context.SetContinuousState(sliding_stretch(self._friction, v) / _UNIT)
+def set_sliding(
+    block: System, context: Context, v: ArrayLike, *, friction: FrictionParameters
+) -> None:
+    """Set bristles to steady sliding at v [rad/s], joint side; unloaded at v = 0."""
+    if isinstance(block, Diagram) and block.HasSubsystemNamed("law"):
+        set_state(block, context, "law", sliding_stretch(friction, v) / _UNIT)

@@ -4,12 +4,12 @@ from pydrake.symbolic import Expression
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from sdt_drake.io.errors import checked_count
-from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
-from sdt_drake.systems.wiring import connect_by_name
+from sdt_drake.systems.symbolic import Symbols, symbolic_law
+from sdt_drake.systems.wiring import build
 
 
-class GainSchedule(Diagram):
-    """A gain schedule: speeds weighted with the inertia, for a PI tuned at the largest inertia.
+def gain_schedule(*, n: int) -> Diagram:
+    """Make a gain schedule: speeds weighted with the inertia, for a PI tuned at the largest one.
 
         v_ref, v  ->  s v_ref, s v        with s = I_eff / I_eff,max [-]
 
@@ -23,23 +23,26 @@ class GainSchedule(Diagram):
 
     .. pydrake_system::
 
-        name: GainSchedule
-        input_ports: [reference, inertia_share, state]
-        output_ports: [weighted_reference, weighted_state]
+        name: gain_schedule
+        input_ports: [reference, inertia_share, measured]
+        output_ports: [weighted_reference, weighted_measured]
     """
+    checked_count(n, "n")
 
-    def __init__(self, *, n: int) -> None:
-        super().__init__()
-        checked_count(n, "n")
+    def law(signal: Symbols, share: Symbols) -> list[Expression]:
+        return [*signal[:n], *(share * signal[n : 2 * n]), *signal[2 * n :]]
 
-        def law(signal: Symbols, share: Symbols) -> list[Expression]:
-            return [*signal[:n], *(share * signal[n : 2 * n]), *signal[2 * n :]]
+    def weighted(name: str, size: int) -> Diagram:
+        inputs = {name: size, "inertia_share": n}
+        return symbolic_law(inputs=inputs, output=f"weighted_{name}", law=law)
 
-        builder = DiagramBuilder()
-        for name, size in (("reference", 3 * n), ("state", 2 * n)):
-            inputs, output = {name: size, "inertia_share": n}, f"weighted_{name}"
-            weighted = SymbolicLaw(inputs=inputs, output=output, law=law)
-            builder.AddNamedSystem(output, weighted)
-            builder.ExportOutput(weighted.get_output_port(), output)
-        connect_by_name(builder)
-        builder.BuildInto(self)
+    builder = DiagramBuilder()
+    reference = builder.AddNamedSystem("weighted_reference", weighted("reference", 3 * n))
+    measured = builder.AddNamedSystem("weighted_measured", weighted("measured", 2 * n))
+    builder.ExportInput(reference.GetInputPort("reference"), "reference")
+    builder.ExportInput(reference.GetInputPort("inertia_share"), "inertia_share")
+    builder.ConnectInput("inertia_share", measured.GetInputPort("inertia_share"))
+    builder.ExportInput(measured.GetInputPort("measured"), "measured")
+    builder.ExportOutput(reference.get_output_port(), "weighted_reference")
+    builder.ExportOutput(measured.get_output_port(), "weighted_measured")
+    return build(builder, "gain_schedule")

@@ -2,18 +2,22 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems import controllers
+from pydrake.systems.controllers import InverseDynamicsController
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, Demultiplexer, Gain, MatrixGain, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.robot import Robot
+from sdt_drake.systems.wiring import build
 
 
-class InverseDynamicsController(Diagram):
-    """Computed torque control: feedback of the state makes every joint a double integrator.
+def inverse_dynamics_controller(*, model: Robot, omega_n: ArrayLike, zeta: ArrayLike) -> Diagram:
+    """Make computed torque control: state feedback makes every joint a double integrator.
 
         r tau_fb = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
+
+    This is feedback linearisation. The paper calls "computed torque control" the feedforward of the
+    load torque that `pi_ctc` adds to its speed loops.
 
     M includes the rotor inertia, and bias gravity. q and v are joint side, tau_fb motor side [N m].
     The state must be sampled at the instants of the reference, as for the position loop. There is
@@ -27,44 +31,41 @@ class InverseDynamicsController(Diagram):
 
     .. pydrake_system::
 
-        name: InverseDynamicsController
+        name: inverse_dynamics_controller
         input_ports: [reference, sampled_state]
         output_ports: [tau_fb]
     """
-
-    def __init__(self, *, model: Robot, omega_n: ArrayLike, zeta: ArrayLike) -> None:
-        super().__init__()
-        # Checked here: Drake's controller ends the process at lengths that do not fit.
-        omega_n = checked_positive(omega_n, "omega_n", n := model.n)
-        zeta = checked_positive(zeta, "zeta", n)
-        law = controllers.InverseDynamicsController(
-            model.make_plant(),
-            kp=omega_n**2,
-            ki=np.zeros(n),
-            kd=2 * zeta * omega_n,
-            has_reference_acceleration=True,
-        )
-        builder = DiagramBuilder()
-        reference = builder.AddNamedSystem("reference", Demultiplexer([2 * n, n]))
-        builder.AddNamedSystem("law", law)
-        gears = builder.AddNamedSystem("gears", Gain(1 / model.gear_ratio))
-        builder.ExportInput(reference.get_input_port(), "reference")
-        builder.ExportInput(law.get_input_port_estimated_state(), "sampled_state")
-        builder.Connect(reference.get_output_port(0), law.get_input_port_desired_state())
-        builder.Connect(reference.get_output_port(1), law.get_input_port_desired_acceleration())
-        torque = law.get_output_port_control()
-        if model.is_coupled:
-            both = builder.AddNamedSystem("both", Multiplexer([3 * n, 2 * n]))
-            by_error = np.hstack([np.diag(omega_n**2), np.diag(2 * zeta * omega_n)])
-            wanted = np.hstack([by_error, np.eye(n), -by_error])  # acceleration that the law asks
-            rotors = builder.AddNamedSystem("rotors", MatrixGain(model.shared_inertia @ wanted))
-            whole = builder.AddNamedSystem("with_rotors", Adder(2, n))
-            builder.ConnectInput("reference", both.get_input_port(0))
-            builder.ConnectInput("sampled_state", both.get_input_port(1))
-            builder.Connect(both.get_output_port(), rotors.get_input_port())
-            builder.Connect(torque, whole.get_input_port(0))
-            builder.Connect(rotors.get_output_port(), whole.get_input_port(1))
-            torque = whole.get_output_port()
-        builder.Connect(torque, gears.get_input_port())
-        builder.ExportOutput(gears.get_output_port(), "tau_fb")
-        builder.BuildInto(self)
+    # Checked here: Drake's controller ends the process at lengths that do not fit.
+    omega_n = checked_positive(omega_n, "omega_n", n := model.n)
+    zeta = checked_positive(zeta, "zeta", n)
+    builder = DiagramBuilder()
+    reference = builder.AddNamedSystem("reference", Demultiplexer([2 * n, n]))
+    law = InverseDynamicsController(
+        model.make_plant(),
+        kp=omega_n**2,
+        ki=np.zeros(n),
+        kd=2 * zeta * omega_n,
+        has_reference_acceleration=True,
+    )
+    builder.AddNamedSystem("law", law)
+    gears = builder.AddNamedSystem("gears", Gain(1 / model.gear_ratio))
+    builder.ExportInput(reference.get_input_port(), "reference")
+    builder.ExportInput(law.get_input_port_estimated_state(), "sampled_state")
+    builder.Connect(reference.get_output_port(0), law.get_input_port_desired_state())
+    builder.Connect(reference.get_output_port(1), law.get_input_port_desired_acceleration())
+    torque = law.get_output_port_control()
+    if model.is_coupled:
+        both = builder.AddNamedSystem("both", Multiplexer([3 * n, 2 * n]))
+        by_error = np.hstack([np.diag(omega_n**2), np.diag(2 * zeta * omega_n)])
+        wanted = np.hstack([by_error, np.eye(n), -by_error])  # acceleration that the law asks
+        rotors = builder.AddNamedSystem("rotors", MatrixGain(model.shared_inertia @ wanted))
+        whole = builder.AddNamedSystem("with_rotors", Adder(2, n))
+        builder.ConnectInput("reference", both.get_input_port(0))
+        builder.ConnectInput("sampled_state", both.get_input_port(1))
+        builder.Connect(both.get_output_port(), rotors.get_input_port())
+        builder.Connect(torque, whole.get_input_port(0))
+        builder.Connect(rotors.get_output_port(), whole.get_input_port(1))
+        torque = whole.get_output_port()
+    builder.Connect(torque, gears.get_input_port())
+    builder.ExportOutput(gears.get_output_port(), "tau_fb")
+    return build(builder, "inverse_dynamics_controller")

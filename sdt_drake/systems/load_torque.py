@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any, cast
+from weakref import proxy
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
@@ -31,8 +32,11 @@ class ReferenceTorque(LeafSystem):
         output_ports: [(torques)]
     """
 
+    __slots__ = ()  # pydrake never frees a system with a second __dict__
+
     def __init__(self, *, robot: Robot, outputs: Sequence[str], law: TorqueLaw) -> None:
         super().__init__()
+        block: Any = proxy(self)  # Drake keeps functions forever that refer to their own system
         self._robot, self._law = robot, law
         self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)
         # Without prerequisites Drake assumes that outputs depend on time, and would call Python at
@@ -43,11 +47,17 @@ class ReferenceTorque(LeafSystem):
             """Make the cache of a context of the block: a context of the plant, and the torques."""
             return AbstractValue.Make([robot.plant.CreateDefaultContext(), ()])
 
-        calc = ValueProducer(scratch, cast(Any, self._calc))
-        cached = cast(Any, self.DeclareCacheEntry("torques", calc, depends_on))
+        def calc(context: Context, value: AbstractValue) -> None:
+            block._calc(context, value)
+
+        producer = ValueProducer(scratch, cast(Any, calc))
+        index = self.DeclareCacheEntry("torques", producer, depends_on).cache_index()
 
         def output(i: int) -> Callable[[Context, BasicVector], None]:
-            return lambda context, torque: torque.SetFromVector(cached.Eval(context)[1][i])
+            def copy(context: Context, torque: BasicVector) -> None:
+                torque.SetFromVector(block.get_cache_entry(index).Eval(context)[1][i])
+
+            return copy
 
         for i, name in enumerate(outputs):
             self.DeclareVectorOutputPort(name, robot.n, output(i), prerequisites_of_calc=depends_on)
@@ -77,6 +87,8 @@ class LoadTorque(ReferenceTorque):
         input_ports: [reference]
         output_ports: [load_torque, alleviating_torque]
     """
+
+    __slots__ = ()
 
     def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:
         checked_choice(algorithm, SIGNS, "algorithm")

@@ -1,8 +1,9 @@
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Gain, Integrator, Multiplexer
+from pydrake.systems.primitives import LinearSystem, Multiplexer
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import checked_positive
@@ -37,11 +38,11 @@ def add_meter(
     limit = checked_positive(motor_torque_limit, "motor_torque_limit")
     n = len(limit)
     # Named "log.": `blocks_of` leaves measuring blocks out.
-    scale = builder.AddNamedSystem("log.scale", Gain(1 / (_UNIT * limit)))
-    integral = builder.AddNamedSystem("log.meter", Integrator(n))
+    zero, one = np.zeros((n, n)), np.eye(n)
+    integrator = LinearSystem(A=zero, B=np.diag(1 / (_UNIT * limit)), C=one, D=zero)
+    integral = builder.AddNamedSystem("log.meter", integrator)
     signals = builder.AddNamedSystem("log.signals", Multiplexer([n] * 4))
-    builder.Connect(tau, scale.get_input_port())
-    builder.Connect(scale.get_output_port(), integral.get_input_port())
+    builder.Connect(tau, integral.get_input_port())
     for i, port in enumerate((tau_cmd, tau_limited, tau, integral.get_output_port())):
         builder.Connect(port, signals.get_input_port(i))
     return signals.get_output_port()

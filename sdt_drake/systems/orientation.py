@@ -11,11 +11,11 @@ from pydantic import Field
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, LinearSystem, MatrixGain, Multiplexer
 
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, setting
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.head import GRAVITY
-from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
+from sdt_drake.systems.symbolic import Symbols, symbolic_law
+from sdt_drake.systems.wiring import build, set_state
 
 PERCEPTION = "perception model"
 """Kind of the files with perception models, a key of `sdt_drake.io.resources.SHIPPED`."""
@@ -63,8 +63,8 @@ def load_perception(name: str) -> PerceptionModel:
     return load_yaml(PerceptionModel, name, PERCEPTION)[0]
 
 
-class OrientationObserver(Diagram):
-    """The gravity, rotation and acceleration that a pilot in the dark feels (Merfeld 1993).
+def orientation_observer(*, model: PerceptionModel) -> Diagram:
+    """Make an observer of what a pilot in the dark feels (Merfeld 1993).
 
     In axes of the head, with f = -specific_force / g [G], LP = 1 / (s / omega_c + 1), and a hat for
     the estimates of the brain's internal model:
@@ -83,115 +83,104 @@ class OrientationObserver(Diagram):
 
     .. pydrake_system::
 
-        name: OrientationObserver
+        name: orientation_observer
         input_ports: [specific_force, angular_rate]
         output_ports: [gravity, rate, acceleration]
     """
-
-    def __init__(self, *, model: PerceptionModel) -> None:
-        super().__init__()
-        builder = DiagramBuilder()
-        self._otoliths, self._canals = _otoliths(model), _canals(model)
-        self._model = InternalModel(model=model)
-        builder.AddNamedSystem("otoliths", self._otoliths)
-        builder.AddNamedSystem("canals", self._canals)
-        builder.AddNamedSystem("internal_model", self._model)
-        for block, name in ((self._otoliths, "specific_force"), (self._canals, "angular_rate")):
-            builder.ExportInput(block.get_input_port(), name)
-            builder.Connect(block.get_output_port(), self._model.GetInputPort(block.get_name()))
-        for name in ("gravity", "rate", "acceleration"):
-            builder.ExportOutput(self._model.GetOutputPort(name), name)
-        builder.BuildInto(self)
-
-    def rest(self, context: Context, specific_force: ArrayLike, angular_rate: ArrayLike) -> None:
-        """Set the steady state at a specific force [m/s²] and an angular rate [rad/s].
-
-        The force is then felt as gravity, and the rotation is not felt.
-        """
-        own = self.GetMutableSubsystemContext
-        f, omega = -np.asarray(specific_force) / GRAVITY, np.asarray(angular_rate)
-        own(self._otoliths, context).SetContinuousState(f)
-        turning = np.concatenate([omega, omega, np.zeros(3)])
-        own(self._canals, context).SetContinuousState(turning)
-        self._model.rest(own(self._model, context), f)
+    builder = DiagramBuilder()
+    otoliths = builder.AddNamedSystem("otoliths", _otoliths(model))
+    canals = builder.AddNamedSystem("canals", _canals(model))
+    internal = builder.AddNamedSystem("internal_model", internal_model(model=model))
+    builder.ExportInput(otoliths.get_input_port(), "specific_force")
+    builder.ExportInput(canals.get_input_port(), "angular_rate")
+    builder.Connect(otoliths.get_output_port(), internal.GetInputPort("otoliths"))
+    builder.Connect(canals.get_output_port(), internal.GetInputPort("canals"))
+    for name in ("gravity", "rate", "acceleration"):
+        builder.ExportOutput(internal.GetOutputPort(name), name)
+    return build(builder, "orientation_observer")
 
 
-class InternalModel(Diagram):
-    """The brain's model of head and senses, corrected by the senses.
+def set_unfelt(
+    observer: Diagram, context: Context, specific_force: ArrayLike, angular_rate: ArrayLike
+) -> None:
+    """Set the steady state at a specific force [m/s²] and an angular rate [rad/s].
 
-    The equations are in `OrientationObserver`.
+    The force is then felt as gravity, and the rotation is not felt.
+    """
+    f, omega = -np.asarray(specific_force) / GRAVITY, np.asarray(angular_rate)
+    set_state(observer, context, "otoliths", f)
+    set_state(observer, context, "canals", np.concatenate([omega, omega, np.zeros(3)]))
+    set_state(observer, context, "internal_model/internal_otoliths", f)
+    felt = np.concatenate([f / np.linalg.norm(f), np.zeros(6)])
+    set_state(observer, context, "internal_model/felt/law", felt)
+
+
+def internal_model(*, model: PerceptionModel) -> Diagram:
+    """Make the brain's model of head and senses, corrected by the senses.
+
+    The equations are in `orientation_observer`.
 
     .. pydrake_system::
 
-        name: InternalModel
+        name: internal_model
         input_ports: [otoliths, canals]
         output_ports: [gravity, rate, acceleration]
     """
+    lag, tau = 2 * pi * model.cutoff, np.array(model.tau)
+    k_w, k_fw, k_fg, k_a = map(np.array, (model.k_w, model.k_fw, model.k_fg, model.k_a))
+    K_a = np.diag(k_a)
 
-    def __init__(self, *, model: PerceptionModel) -> None:
-        super().__init__()
-        lag, tau = 2 * pi * model.cutoff, np.array(model.tau)
-        k_w, k_fw, k_fg, k_a = map(np.array, (model.k_w, model.k_fw, model.k_fg, model.k_a))
-        K_a = np.diag(k_a)
+    def tilt_error(otoliths: Symbols, expected: Symbols) -> Symbols:
+        normal = _cross(otoliths, expected)
+        # Without a branch: the error is 0 for parallel vectors, as their normal is 0.
+        sine = sym.sqrt(normal @ normal + 1e-30)
+        return normal * (sym.atan2(sine, otoliths @ expected) / sine)
 
-        def tilt_error(otoliths: Symbols, expected: Symbols) -> Symbols:
-            normal = _cross(otoliths, expected)
-            # Without a branch: the error is 0 for parallel vectors, as their normal is 0.
-            sine = sym.sqrt(normal @ normal + 1e-30)
-            return normal * (sym.atan2(sine, otoliths @ expected) / sine)
+    def felt(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
+        gravity, low_pass, cupula = np.split(x, 3)
+        w_r = k_fw * error + k_w * (canals - (low_pass - cupula))
+        return np.concatenate([1 * gravity, (k_w + 1) / k_w * w_r])
 
-        def felt(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
-            gravity, low_pass, cupula = np.split(x, 3)
-            w_r = k_fw * error + k_w * (canals - (low_pass - cupula))
-            return np.concatenate([1 * gravity, (k_w + 1) / k_w * w_r])
+    def rates(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
+        gravity, low_pass, cupula = np.split(x, 3)
+        rate = felt(x, error, canals)[3:]
+        # The last term is 0 at |g^| = 1, and keeps g^ there.
+        turning = _cross(gravity, k_fg * error + rate) + (1 - gravity @ gravity) * gravity
+        w_r = k_w / (k_w + 1) * rate
+        return np.concatenate([turning, lag * (w_r - low_pass), (low_pass - cupula) / tau])
 
-        def rates(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
-            gravity, low_pass, cupula = np.split(x, 3)
-            rate = felt(x, error, canals)[3:]
-            # The last term is 0 at |g^| = 1, and keeps g^ there.
-            turning = _cross(gravity, k_fg * error + rate) + (1 - gravity @ gravity) * gravity
-            w_r = k_w / (k_w + 1) * rate
-            return np.concatenate([turning, lag * (w_r - low_pass), (low_pass - cupula) / tau])
+    builder = DiagramBuilder()
+    add, connect = builder.AddNamedSystem, builder.Connect
+    # y^' = omega_c (g^ - k_a (y - y^) - y^), inputs [g^, y].
+    expected = add("internal_otoliths", LinearSystem(
+        A=lag * (K_a - _I), B=lag * np.hstack([_I, -K_a]), C=_I, D=np.zeros((3, 6))
+    ))  # fmt: skip
+    error = add("tilt_error", symbolic_law(
+        inputs={"otoliths": 3, "expected": 3}, output="error", law=tilt_error
+    ))  # fmt: skip
+    felt_law = add("felt", symbolic_law(
+        inputs={"error": 3, "canals": 3}, output="felt", law=felt, rates=rates, states=9
+    ))  # fmt: skip
+    split = add("gravity_and_rate", Demultiplexer([3, 3]))
+    model_inputs = add("gravity_and_otoliths", Multiplexer([3, 3]))
+    differing = add("otoliths_and_expected", Multiplexer([3, 3]))
+    acceleration = add("acceleration", MatrixGain(GRAVITY * np.hstack([K_a, -K_a])))
 
-        builder = DiagramBuilder()
-        add, connect = builder.AddNamedSystem, builder.Connect
-        # y^' = omega_c (g^ - k_a (y - y^) - y^), inputs [g^, y].
-        self._expected = add("internal_otoliths", LinearSystem(
-            A=lag * (K_a - _I), B=lag * np.hstack([_I, -K_a]), C=_I, D=np.zeros((3, 6))
-        ))  # fmt: skip
-        error = add("tilt_error", SymbolicLaw(
-            inputs={"otoliths": 3, "expected": 3}, output="error", law=tilt_error
-        ))  # fmt: skip
-        self._felt = add("felt", SymbolicLaw(
-            inputs={"error": 3, "canals": 3}, output="felt", law=felt, rates=rates, states=9
-        ))  # fmt: skip
-        split = add("gravity_and_rate", Demultiplexer([3, 3]))
-        model_inputs = add("gravity_and_otoliths", Multiplexer([3, 3]))
-        differing = add("otoliths_and_expected", Multiplexer([3, 3]))
-        acceleration = add("acceleration", MatrixGain(GRAVITY * np.hstack([K_a, -K_a])))
-
-        otoliths = builder.ExportInput(error.GetInputPort("otoliths"), "otoliths")
-        builder.ConnectInput(otoliths, model_inputs.get_input_port(1))
-        builder.ConnectInput(otoliths, differing.get_input_port(0))
-        builder.ExportInput(self._felt.GetInputPort("canals"), "canals")
-        for port in (error.GetInputPort("expected"), differing.get_input_port(1)):
-            connect(self._expected.get_output_port(), port)
-        connect(error.get_output_port(), self._felt.GetInputPort("error"))
-        connect(self._felt.get_output_port(), split.get_input_port())
-        connect(split.get_output_port(0), model_inputs.get_input_port(0))
-        connect(model_inputs.get_output_port(), self._expected.get_input_port())
-        connect(differing.get_output_port(), acceleration.get_input_port())
-        builder.ExportOutput(split.get_output_port(0), "gravity")
-        builder.ExportOutput(split.get_output_port(1), "rate")
-        builder.ExportOutput(acceleration.get_output_port(), "acceleration")
-        builder.BuildInto(self)
-
-    def rest(self, context: Context, f: Array) -> None:
-        """Set the steady state with otoliths at f [G], felt as gravity."""
-        own = self.GetMutableSubsystemContext
-        own(self._expected, context).SetContinuousState(f)
-        felt = np.concatenate([f / np.linalg.norm(f), np.zeros(6)])
-        own(self._felt, context).SetContinuousState(felt)
+    otoliths = builder.ExportInput(error.GetInputPort("otoliths"), "otoliths")
+    builder.ConnectInput(otoliths, model_inputs.get_input_port(1))
+    builder.ConnectInput(otoliths, differing.get_input_port(0))
+    builder.ExportInput(felt_law.GetInputPort("canals"), "canals")
+    for port in (error.GetInputPort("expected"), differing.get_input_port(1)):
+        connect(expected.get_output_port(), port)
+    connect(error.get_output_port(), felt_law.GetInputPort("error"))
+    connect(felt_law.get_output_port(), split.get_input_port())
+    connect(split.get_output_port(0), model_inputs.get_input_port(0))
+    connect(model_inputs.get_output_port(), expected.get_input_port())
+    connect(differing.get_output_port(), acceleration.get_input_port())
+    builder.ExportOutput(split.get_output_port(0), "gravity")
+    builder.ExportOutput(split.get_output_port(1), "rate")
+    builder.ExportOutput(acceleration.get_output_port(), "acceleration")
+    return build(builder, "internal_model")
 
 
 def _otoliths(model: PerceptionModel) -> LinearSystem:

@@ -7,10 +7,18 @@ from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, Ma
 
 from sdt_drake.io.errors import checked_choice, checked_positive
 from sdt_drake.systems.gains import STRUCTURES, SpeedGains
+from sdt_drake.systems.wiring import build, set_state
 
 
-class PiSpeedController(Diagram):
-    """n independent PI speed controllers, one for each motor (Eq. 5, Figure 5).
+def pi_speed_controller(
+    *,
+    gains: SpeedGains,
+    gear_ratio: ArrayLike,
+    structure: str = "p_in_feedback",
+    anti_windup: bool = False,
+    period: float | None = None,
+) -> Diagram:
+    """Make n independent PI speed controllers, one for each motor (Eq. 5, Figure 5).
 
     All quantities are motor side, with motor speeds r v and r v_ref:
 
@@ -20,10 +28,10 @@ class PiSpeedController(Diagram):
     Both have the same denominator; the second has no zero. The output is not limited. State: the
     integral of the speed error of each motor.
 
-    Anti-windup is by back-calculation: (tau - tau_cmd) / K_PS is added to the integrated error.
-    While a motor saturates, its integral follows the available torque with the time constant
-    K_PS / K_IS. The block then has two more inputs: `tau_cmd` before and `tau` after saturation.
-    Without anti-windup the integral grows on while the motor saturates.
+    Anti-windup is by back-calculation: (tau_limited - tau_cmd) / K_PS is added to the integrated
+    error. While a motor saturates, its integral follows the available torque with the time constant
+    K_PS / K_IS. The block then has two more inputs: `tau_cmd` before and `tau_limited` after
+    saturation. Without anti-windup the integral grows on while the motor saturates.
 
     Args:
         gains: K_PS and K_IS, motor side.
@@ -35,63 +43,50 @@ class PiSpeedController(Diagram):
 
     .. pydrake_system::
 
-        name: PiSpeedController
-        input_ports: [reference, state]
+        name: pi_speed_controller
+        input_ports: [reference, measured]
         output_ports: [tau_fb]
     """
+    checked_choice(structure, STRUCTURES, "structure")
+    n, kp = len(gains.kp), gains.kp
+    r = np.diag(checked_positive(gear_ratio, "gear_ratio", n))
+    zero, one = np.zeros((n, n)), np.eye(n)
+    integrator: System = Integrator(n)
+    if period is not None:
+        integrator = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
 
-    def __init__(
-        self,
-        *,
-        gains: SpeedGains,
-        gear_ratio: ArrayLike,
-        structure: str = "p_in_feedback",
-        anti_windup: bool = False,
-        period: float | None = None,
-    ) -> None:
-        super().__init__()
-        checked_choice(structure, STRUCTURES, "structure")
-        n, kp = len(gains.kp), gains.kp
-        r = np.diag(checked_positive(gear_ratio, "gear_ratio", n))
-        zero, one = np.zeros((n, n)), np.eye(n)
-        integral: System = Integrator(n)
-        if period is not None:
-            integral = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
-        self._ki, self._integral = gains.ki, integral
+    builder = DiagramBuilder()
+    add, connect = builder.AddNamedSystem, builder.Connect
+    v_ref = add("motor_speed_ref", MatrixGain(np.hstack([zero, r, zero])))
+    minus_v = add("motor_speed", MatrixGain(-np.hstack([zero, r])))
+    error = to_integrate = add("speed_error", Adder(2, n))
+    builder.ExportInput(v_ref.get_input_port(), "reference")
+    builder.ExportInput(minus_v.get_input_port(), "measured")
+    connect(v_ref.get_output_port(), error.get_input_port(0))
+    connect(minus_v.get_output_port(), error.get_input_port(1))
+    if anti_windup:
+        command, saturated = add("command", Gain(-1 / kp)), add("saturated", Gain(1 / kp))
+        to_integrate = add("anti_windup_sum", Adder(3, n))
+        builder.ExportInput(command.get_input_port(), "tau_cmd")
+        builder.ExportInput(saturated.get_input_port(), "tau_limited")
+        connect(error.get_output_port(), to_integrate.get_input_port(0))
+        connect(saturated.get_output_port(), to_integrate.get_input_port(1))
+        connect(command.get_output_port(), to_integrate.get_input_port(2))
+    integral = add("integral", integrator)
+    k_is, k_ps = add("K_IS", Gain(gains.ki)), add("K_PS", Gain(kp))
+    tau_fb = add("tau_fb", Adder(2, n))
+    connect(to_integrate.get_output_port(), integral.get_input_port())
+    connect(integral.get_output_port(), k_is.get_input_port())
+    proportional_to = error if structure == "pi" else minus_v
+    connect(proportional_to.get_output_port(), k_ps.get_input_port())
+    connect(k_is.get_output_port(), tau_fb.get_input_port(0))
+    connect(k_ps.get_output_port(), tau_fb.get_input_port(1))
+    builder.ExportOutput(tau_fb.get_output_port(), "tau_fb")
+    return build(builder, "pi_speed_controller")
 
-        builder = DiagramBuilder()
-        add, connect = builder.AddNamedSystem, builder.Connect
-        v_ref = add("motor_speed_ref", MatrixGain(np.hstack([zero, r, zero])))
-        minus_v = add("motor_speed", MatrixGain(-np.hstack([zero, r])))
-        builder.ExportInput(v_ref.get_input_port(), "reference")
-        builder.ExportInput(minus_v.get_input_port(), "state")
-        error = to_integrate = add("speed_error", Adder(2, n))
-        connect(v_ref.get_output_port(), error.get_input_port(0))
-        connect(minus_v.get_output_port(), error.get_input_port(1))
-        if anti_windup:
-            asked, given = add("asked", Gain(-1 / kp)), add("given", Gain(1 / kp))
-            to_integrate = add("shortened_error", Adder(3, n))
-            builder.ExportInput(asked.get_input_port(), "tau_cmd")
-            builder.ExportInput(given.get_input_port(), "tau")
-            for index, part in enumerate((error, given, asked)):
-                connect(part.get_output_port(), to_integrate.get_input_port(index))
-        add("integral", integral)
-        k_is, k_ps = add("K_IS", Gain(gains.ki)), add("K_PS", Gain(kp))
-        tau_fb = add("tau_fb", Adder(2, n))
-        connect(to_integrate.get_output_port(), integral.get_input_port())
-        connect(integral.get_output_port(), k_is.get_input_port())
-        proportional_to = error if structure == "pi" else minus_v
-        connect(proportional_to.get_output_port(), k_ps.get_input_port())
-        connect(k_is.get_output_port(), tau_fb.get_input_port(0))
-        connect(k_ps.get_output_port(), tau_fb.get_input_port(1))
-        builder.ExportOutput(tau_fb.get_output_port(), "tau_fb")
-        builder.BuildInto(self)
 
-    def rest(self, context: Context, tau_integral: ArrayLike) -> None:
-        """Set the integral to the torque `tau_integral` [N m], motor side, shape (n,)."""
-        integral = self.GetMutableSubsystemContext(self._integral, context)
-        start = np.asarray(tau_integral) / self._ki
-        if integral.num_continuous_states():
-            integral.SetContinuousState(start)
-        else:
-            integral.SetDiscreteState(start)
+def set_integral(
+    controller: System, context: Context, tau: ArrayLike, *, gains: SpeedGains
+) -> None:
+    """Set the integrals of PI controllers to torques `tau` [N m], motor side, shape (n,)."""
+    set_state(controller, context, "integral", np.asarray(tau) / gains.ki)

@@ -6,10 +6,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
+from sdt_drake.systems.wiring import build
 
 
-class PositionLoop(Diagram):
-    """A position loop: the position error corrects the speed reference.
+def position_loop(*, position_gain: ArrayLike) -> Diagram:
+    """Make a position loop: the position error corrects the speed reference.
 
         speed_reference = [q_ref, v_ref + K_V (q_ref - q), vd_ref]        joint side
 
@@ -21,23 +22,20 @@ class PositionLoop(Diagram):
 
     .. pydrake_system::
 
-        name: PositionLoop
+        name: position_loop
         input_ports: [reference, sampled_state]
         output_ports: [speed_reference]
     """
-
-    def __init__(self, *, position_gain: ArrayLike) -> None:
-        super().__init__()
-        position_gain = checked_positive(position_gain, "position_gain")
-        n = len(position_gain)
-        law = np.eye(3 * n, 5 * n)
-        law[n : 2 * n, :n] = np.diag(position_gain)
-        law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
-        builder = DiagramBuilder()
-        inputs = builder.AddNamedSystem("inputs", Multiplexer([3 * n, 2 * n]))
-        gain = builder.AddNamedSystem("law", MatrixGain(law))
-        builder.ExportInput(inputs.get_input_port(0), "reference")
-        builder.ExportInput(inputs.get_input_port(1), "sampled_state")
-        builder.Connect(inputs.get_output_port(), gain.get_input_port())
-        builder.ExportOutput(gain.get_output_port(), "speed_reference")
-        builder.BuildInto(self)
+    position_gain = checked_positive(position_gain, "position_gain")
+    n = len(position_gain)
+    law = np.eye(3 * n, 5 * n)
+    law[n : 2 * n, :n] = np.diag(position_gain)
+    law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
+    builder = DiagramBuilder()
+    inputs = builder.AddNamedSystem("inputs", Multiplexer([3 * n, 2 * n]))
+    gain = builder.AddNamedSystem("law", MatrixGain(law))
+    builder.ExportInput(inputs.get_input_port(0), "reference")
+    builder.ExportInput(inputs.get_input_port(1), "sampled_state")
+    builder.Connect(inputs.get_output_port(), gain.get_input_port())
+    builder.ExportOutput(gain.get_output_port(), "speed_reference")
+    return build(builder, "position_loop")

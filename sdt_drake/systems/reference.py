@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 from pydrake.math import BsplineBasis
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import BsplineTrajectory
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
+from sdt_drake.systems.wiring import build
 
 
-class ReferenceSource(Diagram):
-    """The reference [q_ref, v_ref, vd_ref] over continuous time, joint side.
+def reference_source(*, motion: Motion, delay: float = 0.0) -> Diagram:
+    """Make the reference [q_ref, v_ref, vd_ref] over continuous time, joint side.
 
     It is exact at the samples t = i * period, and linear between them. The steps in front of the
     controller come from a zero-order hold behind this block.
@@ -26,22 +27,18 @@ class ReferenceSource(Diagram):
 
     .. pydrake_system::
 
-        name: ReferenceSource
+        name: reference_source
         output_ports: [reference]
     """
-
-    def __init__(self, *, motion: Motion, delay: float = 0.0) -> None:
-        super().__init__()
-        samples = np.hstack([motion.q, motion.v, motion.vd])
-        builder = DiagramBuilder()
-        source = sample_source(motion.time + delay, samples)
-        builder.AddNamedSystem("samples", source)
-        builder.ExportOutput(source.get_output_port(), "reference")
-        builder.BuildInto(self)
+    samples = np.hstack([motion.q, motion.v, motion.vd])
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("samples", sample_source(motion.time + delay, samples))
+    builder.ExportOutput(source.get_output_port(), "reference")
+    return build(builder, "reference_source")
 
 
-class SignalTable(Diagram):
-    """A table of signals along a motion, computed before the run.
+def signal_table(*, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> Diagram:
+    """Make a table of signals along a motion, computed before the run.
 
     Each sample is held from its own instant on. There are no inputs, and no Python is called during
     the simulation. State: the held samples.
@@ -53,27 +50,30 @@ class SignalTable(Diagram):
 
     .. pydrake_system::
 
-        name: SignalTable
+        name: signal_table
         output_ports: [(signals)]
     """
+    builder = DiagramBuilder()
+    for name, samples in signals.items():
+        source = builder.AddNamedSystem(name, sample_source(motion.time + delay, samples))
+        hold = hold_of(motion, samples.shape[1], delay=delay)
+        builder.AddNamedSystem(f"{name}_hold", hold)
+        builder.Connect(source.get_output_port(), hold.get_input_port())
+        builder.ExportOutput(hold.get_output_port(), name)
+    return build(builder, "signal_table")
 
-    def __init__(self, *, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> None:
-        super().__init__()
-        builder = DiagramBuilder()
-        self._holds: list[tuple[ZeroOrderHold, Array]] = []
-        for name, samples in signals.items():
-            hold = hold_of(motion, samples.shape[1], delay=delay)
-            source = builder.AddNamedSystem(name, sample_source(motion.time + delay, samples))
-            builder.AddNamedSystem(f"{name}_hold", hold)
-            builder.Connect(source.get_output_port(), hold.get_input_port())
-            builder.ExportOutput(hold.get_output_port(), name)
-            self._holds.append((hold, samples[0]))
-        builder.BuildInto(self)
 
-    def rest(self, context: Context) -> None:
-        """Set the state to the first samples."""
-        for hold, first in self._holds:
-            hold.SetVectorState(self.GetMutableSubsystemContext(hold, context), first)
+def start_table(table: System, context: Context) -> None:
+    """Set the holds of a `signal_table` to the samples at the context's time."""
+    assert isinstance(table, Diagram)
+    for hold in table.GetSystems():
+        if isinstance(hold, ZeroOrderHold):
+            start_hold(hold, table.GetMutableSubsystemContext(hold, context))
+
+
+def start_hold(hold: ZeroOrderHold, context: Context) -> None:
+    """Set a zero-order hold to its input at the context's time."""
+    hold.SetVectorState(context, np.array(hold.get_input_port().Eval(context)))
 
 
 def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:

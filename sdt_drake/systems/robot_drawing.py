@@ -13,19 +13,20 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.shapes import drawable
 from sdt_drake.systems.skeleton import skeleton
+from sdt_drake.systems.wiring import build
 
 
-class RobotDrawing(Diagram):
-    """A drawing of a robot in Meshcat, below the path "/robot".
+def robot_drawing(*, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> Diagram:
+    """Make a drawing of a robot in Meshcat, below the path "/robot".
 
     Shapes are those of the robot's **file**; changes in memory are not drawn. Meshes that cannot be
     drawn are left out and logged. A robot without shapes gets a drum and an arrow along the axis
     of each joint, and rods to the next joint or the last centre of mass. Axes that meet get rings,
-    as in a gimbal.
+    as in a gimbal. The nested system "scene_graph" has the shapes.
 
     .. pydrake_system::
 
-        name: RobotDrawing
+        name: robot_drawing
         input_ports: [state]
 
     Args:
@@ -33,28 +34,15 @@ class RobotDrawing(Diagram):
         meshcat: Meshcat server.
         period: publish period [s].
     """
-
-    plant: MultibodyPlant
-    """Plant with the drawn shapes."""
-    scene_graph: SceneGraph
-    """Scene graph of `plant`."""
-
-    def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
-        super().__init__()
-        builder = DiagramBuilder()
-        self.plant, self.scene_graph, _ = add_robot_drawing(
-            builder, robot=robot, meshcat=meshcat, period=period
-        )
-        builder.BuildInto(self)
+    builder = DiagramBuilder()
+    add_robot_drawing(builder, robot=robot, meshcat=meshcat, period=period)
+    return build(builder, "robot_drawing")
 
 
 def add_robot_drawing(
     builder: DiagramBuilder, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32
 ) -> tuple[MultibodyPlant, SceneGraph, bool]:
-    """Add the parts of a `RobotDrawing` to a builder.
-
-    Use this for many Meshcat servers: pydrake never frees a diagram of a Python class, nor its
-    server.
+    """Add the parts of a `robot_drawing` to a builder.
 
     Returns:
         Plant with the drawn shapes, its scene graph, and True if the file has shapes on a moving

@@ -8,57 +8,41 @@ from pydrake.symbolic import Expression, Variable
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Multiplexer, SymbolicVectorSystem
 
+from sdt_drake.systems.wiring import build
+
 Symbols = NDArray[np.object_]
 Law = Callable[..., Sequence[Expression] | Symbols]
 TIME = Variable("t")
+"""Symbol of the time in laws."""
 
 
-class SymbolicLaw(Diagram):
-    """A block of vector inputs, one vector output and an optional continuous state, by formulas.
+def symbolic_law(
+    *,
+    inputs: Mapping[str, int],
+    output: str,
+    law: Law,
+    rates: Law | None = None,
+    states: int = 0,
+    timed: bool = False,
+    name: str = "symbolic_law",
+) -> Diagram:
+    """Make a block of vector inputs, one vector output and an optional continuous state.
 
         dx/dt = rates(x, *inputs),    output = law(x, *inputs)
 
     Both functions are called once, with arrays of symbols (without x if there is no state); they
-    return expressions. The block is continuous.
+    return expressions. The block is continuous. Formulas in C++ keep Python out of derivatives.
 
     Args:
         inputs: lengths of the inputs by name.
         output: name of the output.
         law: function that returns the output.
         rates: function that returns the derivatives of the states.
-        states: number of states.
-        timed: True if `law` or `rates` use the time, the symbol `self.time`.
+        states: number of states, those of the nested system "law".
+        timed: True if `law` or `rates` use the time, the symbol `TIME`.
+        name: name of the diagram.
     """
-
-    time = TIME
-
-    def __init__(
-        self,
-        *,
-        inputs: Mapping[str, int],
-        output: str,
-        law: Law,
-        rates: Law | None = None,
-        states: int = 0,
-        timed: bool = False,
-    ) -> None:
-        super().__init__()
-        builder = DiagramBuilder()
-        add_law(builder, inputs, output, law, rates=rates, states=states, timed=timed)
-        builder.BuildInto(self)
-
-
-def add_law(
-    builder: DiagramBuilder,
-    inputs: Mapping[str, int],
-    output: str,
-    law: Law,
-    *,
-    rates: Law | None = None,
-    states: int = 0,
-    timed: bool = False,
-) -> None:
-    """Add the blocks of a `SymbolicLaw` to a builder and export its ports."""
+    builder = DiagramBuilder()
     signals = [np.array([Variable(f"{i}_{k}") for k in range(n)]) for i, n in inputs.items()]
     # At least one state: without it Drake 1.51 aborts in a continuous diagram.
     x = np.array([Variable(f"x_{k}") for k in range(max(states, 1))])
@@ -77,6 +61,7 @@ def add_law(
     builder.AddNamedSystem("law", system)
     if first is not system:
         builder.Connect(first.get_output_port(), system.get_input_port())
-    for index, name in enumerate(inputs):
-        builder.ExportInput(first.get_input_port(index), name)
+    for index, port in enumerate(inputs):
+        builder.ExportInput(first.get_input_port(index), port)
     builder.ExportOutput(system.get_output_port(), output)
+    return build(builder, name)

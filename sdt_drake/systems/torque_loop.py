@@ -2,14 +2,21 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import checked_positive
+from sdt_drake.systems.wiring import build, set_state
 
 
-class TorqueLoop(Diagram):
-    """The torque loop of the drives: from commanded to real motor torque.
+def torque_loop(
+    *,
+    motor_torque_limit: ArrayLike,
+    bandwidth: float | None = None,
+    error: ArrayLike | None = None,
+) -> Diagram:
+    """Make the torque loop of the drives: from commanded to real motor torque.
 
         T dtau/dt = (1 + error) tau_limited - tau,    T = 1 / (2 pi bandwidth)
 
@@ -24,42 +31,40 @@ class TorqueLoop(Diagram):
 
     .. pydrake_system::
 
-        name: TorqueLoop
+        name: torque_loop
         input_ports: [tau_limited]
         output_ports: [tau]
     """
+    builder = DiagramBuilder()
+    unit = _unit(motor_torque_limit)
+    gain = np.ones(len(unit)) if error is None else 1 + np.asarray(error)
+    if bandwidth is None:
+        first = last = builder.AddNamedSystem("gain", Gain(gain))
+    else:
+        lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(unit))
+        first = builder.AddNamedSystem("share", Gain(gain / unit))
+        builder.AddNamedSystem("lag", lag)
+        last = builder.AddNamedSystem("unit", Gain(unit))
+        builder.Connect(first.get_output_port(), lag.get_input_port())
+        builder.Connect(lag.get_output_port(), last.get_input_port())
+    builder.ExportInput(first.get_input_port(), "tau_limited")
+    builder.ExportOutput(last.get_output_port(), "tau")
+    return build(builder, "torque_loop")
 
-    def __init__(
-        self,
-        *,
-        motor_torque_limit: ArrayLike,
-        bandwidth: float | None = None,
-        error: ArrayLike | None = None,
-    ) -> None:
-        super().__init__()
-        builder = DiagramBuilder()
-        limit = checked_positive(motor_torque_limit, "motor_torque_limit")
-        gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
-        self._lag = None
-        # Error control treats 1 N m like 1 rad/s. In units of 30 limits the torque is accurate to
-        # 2e-3 of the limit at the default accuracy. 100 limits need up to 30 % fewer evaluations of
-        # the loop, and give 7e-3.
-        self._unit = 30 * limit
-        if bandwidth is None:
-            first = last = builder.AddNamedSystem("gain", Gain(gain))
-        else:
-            self._lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(limit))
-            first = builder.AddNamedSystem("share", Gain(gain / self._unit))
-            builder.AddNamedSystem("lag", self._lag)
-            last = builder.AddNamedSystem("unit", Gain(self._unit))
-            builder.Connect(first.get_output_port(), self._lag.get_input_port())
-            builder.Connect(self._lag.get_output_port(), last.get_input_port())
-        builder.ExportInput(first.get_input_port(), "tau_limited")
-        builder.ExportOutput(last.get_output_port(), "tau")
-        builder.BuildInto(self)
 
-    def rest(self, context: Context, tau: ArrayLike) -> None:
-        """Set the torque of the motors to `tau` [N m], motor side, shape (n,)."""
-        if self._lag is not None:
-            lag = self.GetMutableSubsystemContext(self._lag, context)
-            lag.SetContinuousState(np.asarray(tau) / self._unit)
+def set_motor_torque(
+    loop: System, context: Context, tau: ArrayLike, *, motor_torque_limit: ArrayLike
+) -> None:
+    """Set the motors' torque to `tau` [N m], motor side, shape (n,), in a loop with a bandwidth."""
+    if isinstance(loop, Diagram) and loop.HasSubsystemNamed("lag"):
+        set_state(loop, context, "lag", np.asarray(tau) / _unit(motor_torque_limit))
+
+
+def _unit(motor_torque_limit: ArrayLike) -> Array:
+    """Return the torque of 1 unit of the state [N m], shape (n,).
+
+    Error control treats 1 N m like 1 rad/s. In units of 30 limits the torque is accurate to 2e-3 of
+    the limit at the default accuracy. 100 limits need up to 30 % fewer evaluations of the loop, and
+    give 7e-3.
+    """
+    return 30 * checked_positive(motor_torque_limit, "motor_torque_limit")

@@ -1,77 +1,58 @@
-"""Wiring by name: an output is connected to every input of the same name."""
+"""Parts of diagrams: their names, states and logs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.systems.framework import (
+    Context,
     Diagram,
     DiagramBuilder,
-    InputPort,
     OutputPort,
     System,
     TriggerType,
 )
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-from sdt_drake.io.errors import InputError
 
-Aliases = Mapping[tuple[str, str], str]
-"""Names of signals by (system, port), for ports of another name than their signal."""
+def build(builder: DiagramBuilder, name: str) -> Diagram:
+    """Build a diagram and name it.
+
+    Diagrams are made by functions: pydrake never frees one of a class derived in Python.
+    """
+    diagram = builder.Build()
+    diagram.set_name(name)
+    return diagram
 
 
-def connect_by_name(
-    builder: DiagramBuilder, aliases: Aliases | None = None
-) -> dict[str, OutputPort]:
-    """Connect every free input to the output of its name; export inputs without one.
+def set_state(system: System, context: Context, path: str, state: ArrayLike) -> None:
+    """Set the state of a nested system, continuous or discrete.
 
     Args:
-        builder: builder with all systems, each named.
-        aliases: names of signals that differ from the name of their port, by (system, port).
+        system: the outer system.
+        context: its context.
+        path: names of nested systems, from the outside in, such as "lag" or "device/friction".
+        state: the state of that system.
 
-    Returns:
-        Outputs by the names of their signals.
-
-    Raises:
-        InputError: if two outputs have one name, or an input another length than its signal.
-
-    >>> from pydrake.systems.primitives import Adder, Gain
+    >>> from pydrake.systems.primitives import Integrator
     >>> builder = DiagramBuilder()
-    >>> double = builder.AddNamedSystem("double", Gain(2.0, 1))
-    >>> total = builder.AddNamedSystem("total", Adder(2, 1))
-    >>> aliases = {("double", "u0"): "x", ("total", "u0"): "x", ("total", "u1"): "y0"}
-    >>> signals = connect_by_name(builder, aliases)
-    >>> list(signals), builder.Build().num_input_ports()
-    (['y0', 'sum'], 1)
+    >>> _ = builder.AddNamedSystem("position", Integrator(2))
+    >>> diagram = build(builder, "axes")
+    >>> context = diagram.CreateDefaultContext()
+    >>> set_state(diagram, context, "position", [1, 2])
+    >>> context.get_continuous_state_vector().CopyToVector()
+    array([1., 2.])
     """
-    aliases = aliases or {}
-    owners: dict[str, str] = {}
-    outputs: dict[str, OutputPort] = {}
-    for system in builder.GetSystems():
-        block = system.get_name()
-        for output in map(system.get_output_port, range(system.num_output_ports())):
-            name = aliases.get((block, output.get_name()), output.get_name())
-            if name in outputs:
-                raise InputError(
-                    f"signal '{name}': output of {owners[name]} and of {block}, expected only one"
-                )
-            outputs[name], owners[name] = output, block
-    exported = set[str]()
-    for system in builder.GetSystems():
-        block = system.get_name()
-        for port in map(system.get_input_port, range(system.num_input_ports())):
-            name = aliases.get((block, port.get_name()), port.get_name())
-            if builder.IsConnectedOrExported(port):
-                continue
-            if name in outputs:
-                _check_length(block, port, outputs[name])
-                builder.Connect(outputs[name], port)
-            elif name in exported:
-                builder.ConnectInput(name, port)
-            else:
-                builder.ExportInput(port, name)
-                exported.add(name)
-    return outputs
+    for name in path.split("/"):
+        assert isinstance(system, Diagram)
+        inner = system.GetSubsystemByName(name)
+        context, system = system.GetMutableSubsystemContext(inner, context), inner
+    if context.num_continuous_states():
+        context.SetContinuousState(np.asarray(state, dtype=float))
+    else:
+        context.SetDiscreteState(np.asarray(state, dtype=float))
 
 
 def add_logs(
@@ -108,11 +89,3 @@ def blocks_of(system: System) -> list[System]:
     """Return the innermost systems of a system, without logs."""
     inner = [s for s in systems_in(system) if not isinstance(s, Diagram)]
     return [s for s in inner if not s.get_name().startswith("log.")]
-
-
-def _check_length(block: str, port: InputPort, signal: OutputPort) -> None:
-    """Raise InputError if an input and its signal differ in length."""
-    if port.size() != signal.size():
-        raise InputError(
-            f"{block}: input '{port.get_name()}' has length {port.size()}, expected {signal.size()}"
-        )

@@ -56,10 +56,11 @@ def test_a_simulated_answer_is_that_of_the_linear_model(designed, k_v, drive):
 
     def run(load):
         builder = DiagramBuilder()
-        loop = builder.AddSystem(sdt.loop(design))
+        loop = sdt.loop(design)
+        builder.AddSystem(loop.diagram)
         source = builder.AddSystem(ConstantVectorSource(load))
         builder.Connect(source.get_output_port(), loop.GetInputPort("extra_load_torque"))
-        return sdt.simulate(design, builder.Build()).q
+        return sdt.simulate(loop, builder.Build()).q
 
     model = design.linear()
     frequencies = control.damp(model.to_control(), doprint=False)[0]

@@ -73,12 +73,13 @@ def make_floor(design: Design) -> Diagram:
     return builder.Build()
 
 
-def run(diagram: Diagram, duration: float, period: float, accuracy: float):
+def run(loop: Loop | Diagram, duration: float, period: float, accuracy: float):
     """Return the CPU time of stepping [s], evaluations of the derivatives, and speeds."""
+    diagram = loop.diagram if isinstance(loop, Loop) else loop
     simulator = make_simulator(diagram, period=period, accuracy=accuracy)
     context = simulator.get_mutable_context()
-    if isinstance(diagram, Loop):
-        diagram.rest(context)
+    if isinstance(loop, Loop):
+        loop.set_steady_state(context)
     simulator.Initialize()
     start = time.process_time()
     simulator.AdvanceTo(duration)
@@ -88,7 +89,7 @@ def run(diagram: Diagram, duration: float, period: float, accuracy: float):
     return taken, evaluations, states[len(states) // 2 :].T.copy()
 
 
-def loops_of_all() -> tuple[Design, dict[str, Diagram]]:
+def loops_of_all() -> tuple[Design, dict[str, Loop | Diagram]]:
     """The loops by name, and the design of the first one."""
     scenario = load_scenario("coupled_pi_ctc")
     table = make_design(scenario)
@@ -96,7 +97,8 @@ def loops_of_all() -> tuple[Design, dict[str, Diagram]]:
     friction = load_scenario("real_device").plant.friction  # of the drive, the sampling alone
     device = {"plant.friction": friction, "drive": Drive(period=0.001)}
     loops = {"floor": make_floor(table)}
-    loops |= {"table": make_loop(table, widened=True), "online": make_loop(online, widened=True)}
+    widened = {"table": table.assuming(widened=True), "online": online.assuming(widened=True)}
+    loops |= {name: make_loop(design) for name, design in widened.items()}
     loops |= {label: make_loop(design_with(table, label)) for label in CONTROLLERS}
     loops["1 ms drive, friction"] = make_loop(make_design(with_fields(scenario, device)))
     return table, loops

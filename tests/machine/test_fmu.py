@@ -114,10 +114,11 @@ def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path
 
     def here(own):
         builder = DiagramBuilder()
-        loop = builder.AddSystem(make_loop(own, controller="external"))
+        loop = make_loop(own, controller="external")
+        builder.AddSystem(loop.diagram)
         source = builder.AddSystem(ConstantVectorSource(tau))
         builder.Connect(source.get_output_port(), loop.GetInputPort("tau_cmd"))
-        return simulate(own, builder.Build(), q=start).q[50]
+        return simulate(loop, builder.Build(), q=start).q[50]
 
     other = {
         name: changed.scenario.plant.friction.__dict__[name] for name in ("viscous", "coulomb")

@@ -1,4 +1,6 @@
-"""The controllers alone: what they tell of themselves, and their systems against it."""
+"""The controllers: what they tell of themselves, their starts, and their commands."""
+
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,12 +12,11 @@ from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
-from sdt_drake.run.controllers import (
-    Pi,
-    make_controller,
-    predicts_updates,
-    register_controller,
-)
+from sdt_drake.run.controllers import Pi, make_controller, register_controller, start_controller
+from sdt_drake.run.feedforward import start_feedforward
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.recorded import after_updates
+from sdt_drake.systems.wiring import set_state
 
 
 class Mine(Pi):
@@ -44,8 +45,8 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
         with pytest.raises(InputError, match=message):
             register_controller(name, controller)
 
-    shipped, heir = (make_controller(made.design) for made in (of_pi, plain))
-    assert predicts_updates(shipped) and not predicts_updates(heir)  # its law may be another
+    shipped, heir = (make_loop(made.design) for made in (of_pi, plain))
+    assert shipped.feedthrough and heir.feedthrough is None  # its law may be another
 
     scenario = with_controller(base.scenario, "mine")
     check(scenario)
@@ -57,62 +58,69 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
 
 
 WIRED = [
+    ("pi", {}),
+    ("pi", {"structure": "pi", "anti_windup": True}),
     ("pi_ctc", {}),
     ("pi_id", {}),
     ("p_pi", {"feedforward": "id", "position_gain": [2.0, 3.0, 4.0, 5.0]}),
-    ("pi_scheduled", {}),
-    ("pi_scheduled", {"feedforward": "ctc", "structure": "pi"}),
 ]
+UNREAD = np.full(4, 1e9)  # by any controller
 
 
-class Commanding(Alone):
-    """A continuous controller's system, at a sample of its motion."""
-
-    def __init__(self, design, i):
-        super().__init__(make_controller(design))
-        self.context.SetTime(i * design.motion.period)
-        held, loads = design.reference, design.loads._asdict()
-        self.give(**{name: torque[i] for name, torque in loads.items()})
-        self.give(reference=[*held.q[i], *held.v[i], *held.vd[i]])
-
-    def give(self, **inputs):
-        super().give(**{k: v for k, v in inputs.items() if self.system.HasInputPort(k)})
-
-    def command(self, q, v, integral=None):
-        unread = np.full(4, 1e9)  # by any controller
-        self.give(state=[*unread, *v], sampled_state=[*q, *unread])
-        if self.context.num_discrete_state_groups():  # the tables
-            self.sample()
-        if integral is not None:
-            self.context.SetContinuousState(integral)
-        return self.output("tau_cmd")
-
-
-def rests(commanding, motion, **inputs):
-    """Check that the command of a start at rest is the given one."""
-    tau_cmd = np.array([1.0, -2.0, 300.0, 0.5])
-    commanding.system.rest(commanding.context, tau_cmd)
-    commanding.give(**inputs)
-    command = commanding.command(motion.q[0], motion.v[0])
-    np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
+def command(loop, i, q, v):
+    """Return the command of a loop while sample i is in force, at q sampled with it, and at v."""
+    diagram, held = loop.diagram, loop.design.reference
+    context = diagram.CreateDefaultContext()
+    context.SetTime(i * held.period)
+    diagram.GetInputPort("extra_load_torque").FixValue(context, np.zeros(4))
+    put = partial(set_state, diagram, context)
+    put("zero_order_hold", [*held.q[i], *held.v[i], *held.vd[i]])
+    put("device/multibody_plant", [*UNREAD, *v])
+    put("controller/pi_speed_controller/integral", np.ones(4))
+    if loop.controller.HasInputPort("sampled_state"):
+        put("encoder/samples/now", [*q, *UNREAD])
+    tables = diagram.GetSubsystemByName("feedforward")
+    start_feedforward(tables, diagram.GetMutableSubsystemContext(tables, context))
+    return diagram.GetOutputPort("tau_cmd").Eval(context).copy()
 
 
 @pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
-def test_command_after_updates_and_at_rest_is_that_of_the_system(designed, kind, choices):
+def test_the_command_after_updates_is_that_of_the_loop(designed, kind, choices):
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
-    design = designed("coupled_pi", fields, start=2.0, end=3.0, rest=2)
-    rng = np.random.default_rng(3)
-    measured = rng.normal(size=(4, 8)) + np.hstack([design.motion.q, design.motion.v])[97:101]
+    loop = make_loop(designed("coupled_pi", fields, start=2.0, end=3.0, rest=2))
+    motion, rng = loop.design.motion, np.random.default_rng(3)
+    measured = rng.normal(size=(4, 8)) + np.hstack([motion.q, motion.v])[97:101]
     held = np.array([97, 98, 99])
     before, after = [], []
     for i, (q_v, q_before) in enumerate(zip(measured[:3], measured[[0, 0, 1], :4], strict=True)):
-        for commands, at, q in ((before, held[max(i - 1, 0)], q_before), (after, held[i], q_v[:4])):
-            wired = Commanding(design, at)
-            integral = np.ones(wired.context.num_continuous_states())
-            commands.append(wired.command(q, q_v[4:], integral))
-    told = wired.system.after_updates(np.array([*before, before[0]]), measured, held)
+        before.append(command(loop, held[max(i - 1, 0)], q_before, q_v[4:]))
+        after.append(command(loop, held[i], q_v[:4], q_v[4:]))
+    tau_cmd = np.array([*before, before[0]])
+    told = after_updates(loop, loop.feedthrough, tau_cmd, measured, held)
     np.testing.assert_allclose(told, after, rtol=1e-9, atol=1e-6)
-    rests(Commanding(design, 0), design.motion)
+    assert not np.allclose(before[1:], after[1:]) or (kind == "pi" and not choices)
+
+
+def rests(design, **inputs):
+    """Check that a controller started at rest commands what it is told."""
+    owner, system = make_controller(design)
+    controller, motion = Alone(system), design.motion
+    tau_cmd, state = np.array([1.0, -2.0, 300.0, 0.5]), np.append(motion.q[0], motion.v[0])
+    start_controller(owner, system, controller.context, design, tau_cmd, None)
+    inputs = {"reference": [*state, *motion.vd[0]], "measured": state} | inputs
+    inputs |= {"sampled_state": state, "tau_cmd": tau_cmd, "tau_limited": tau_cmd}
+    controller.give(**{k: x for k, x in inputs.items() if system.HasInputPort(k)})
+    command = controller.output("tau_fb") + design.steady_ff
+    np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
+
+
+SCHEDULED = [("pi_scheduled", {}), ("pi_scheduled", {"feedforward": "ctc", "structure": "pi"})]
+
+
+@pytest.mark.parametrize(("kind", "choices"), [*WIRED, *SCHEDULED], ids=str)
+def test_a_controller_starts_with_the_command_of_rest(designed, kind, choices):
+    fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
+    rests(designed("coupled_pi", fields, start=2.0, end=3.0, rest=2))
 
 
 @pytest.mark.parametrize(
@@ -125,7 +133,7 @@ def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, str
     motion = design.motion
     mean = (motion.v[1:] + motion.v[:-1]) / 2
     np.testing.assert_allclose(design.reference.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)
-    rests(Commanding(design, 0), motion, reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
+    rests(design, reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
 
 
 def test_linear_gains_are_scheduled_with_the_inertia(designed):

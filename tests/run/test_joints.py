@@ -10,39 +10,44 @@ from variants import kind
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction, Springs
 from sdt_drake.run.simulate import make_simulator, simulate
-from sdt_drake.systems import ElasticJoints, RobotPlant, connect_by_name
+from sdt_drake.systems import elastic_joints, robot_plant
+from sdt_drake.systems.elastic_joints import set_motor_state
+from sdt_drake.systems.wiring import set_state
 
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
 
 
 def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
     elastic, stiffness = np.array([True, True, False, True]), np.array([4e6, 2e5, 0.0, 1e5])
-    builder = DiagramBuilder()
-    process = RobotPlant(robot=robot, without_rotor=elastic)
-    joints = ElasticJoints(
-        springs=Springs(elastic, stiffness, np.zeros(4)), rotor_inertia=ROTORS, gear_ratio=GEAR
+    springs, builder = Springs(elastic, stiffness, np.zeros(4)), DiagramBuilder()
+    process = builder.AddSystem(robot_plant(robot=robot, without_rotor=elastic))
+    joints = builder.AddSystem(
+        elastic_joints(springs=springs, rotor_inertia=ROTORS, gear_ratio=GEAR)
     )
-    builder.AddNamedSystem("process", process)
-    builder.AddNamedSystem("joints", joints)
-    builder.AddNamedSystem("no_torque", ConstantVectorSource(np.zeros(4)))
-    aliases = {("process", "tau"): "tau_link", ("process", "load_torque"): "none"}
-    connect_by_name(builder, aliases | {("joints", "tau"): "none", ("no_torque", "y0"): "none"})
+    none = builder.AddSystem(ConstantVectorSource(np.zeros(4))).get_output_port()
+    builder.Connect(none, joints.GetInputPort("tau"))
+    builder.Connect(none, process.GetInputPort("load_torque"))
+    builder.Connect(process.GetOutputPort("state"), joints.GetInputPort("state"))
+    builder.Connect(joints.GetOutputPort("tau_link"), process.GetInputPort("tau"))
     simulator = make_simulator(builder.Build(), period=0.001, accuracy=1e-7)
     root = simulator.get_mutable_context()
-    inner = process.plant.GetMyContextFromRoot(root)
-    process.rest(process.GetMyMutableContextFromRoot(root), HANGING, [0.3, -1.0, 0.8, 1.5])
+    plant = process.GetSubsystemByName("multibody_plant")
+    inner = plant.GetMyContextFromRoot(root)
+    moving = [*HANGING, 0.3, -1.0, 0.8, 1.5]
+    set_state(process, process.GetMyMutableContextFromRoot(root), "multibody_plant", moving)
     wound = HANGING + np.array([0.002, -0.001, 0, 0.003])
-    joints.rest(joints.GetMyMutableContextFromRoot(root), wound, [0.5, -1.2, 0, 1.0])
+    own = joints.GetMyMutableContextFromRoot(root)
+    set_motor_state(joints, own, wound, [0.5, -1.2, 0, 1.0], springs=springs)
     seen = []
     for time in np.linspace(0, 0.4, 101):
         simulator.AdvanceTo(time)
-        q, v = np.split(process.plant.GetPositionsAndVelocities(inner), 2)
+        q, v = np.split(plant.GetPositionsAndVelocities(inner), 2)
         motors = joints.GetOutputPort("motor_state").Eval(joints.GetMyContextFromRoot(root))
         theta, w = np.split(motors, 2)
         seen.append([
-            v @ process.plant.CalcMassMatrix(inner) @ v / 2,
+            v @ plant.CalcMassMatrix(inner) @ v / 2,
             (GEAR**2 * ROTORS * elastic) @ w**2 / 2,
-            process.plant.CalcPotentialEnergy(inner),
+            plant.CalcPotentialEnergy(inner),
             stiffness @ (theta - q) ** 2 / 2,
         ])  # fmt: skip
     swings = np.ptp(np.array(seen), axis=0)

@@ -60,7 +60,7 @@ def test_all_instants_agree_to_the_last_bit(designed, period, samples, delay):
     design = designed("coupled_pi", fields, motion=there_and_back(period))
     timing = {
         (x.offset_sec(), x.period_sec())
-        for hold in systems_in(make_loop(design))
+        for hold in systems_in(make_loop(design).diagram)
         if isinstance(hold, ZeroOrderHold)
         for x in [hold.GetUniquePeriodicDiscreteUpdateAttribute()]
     }

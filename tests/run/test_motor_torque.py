@@ -8,7 +8,7 @@ from variants import kind, overruled, weaker
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.controllers import Controller, register_controller
-from sdt_drake.run.loop import make_loop
+from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.motor_torque import torque_limits
 from sdt_drake.run.simulate import make_simulator, simulate
 
@@ -36,19 +36,19 @@ def design_of(designed):
 def walked(design):
     """Peak, RMS, mean and share of time saturated of each period, (4, N, n), by small steps."""
     loop, period = make_loop(design), design.reference.period
-    simulator = make_simulator(loop, period=period, accuracy=1e-4)
+    simulator = make_simulator(loop.diagram, period=period, accuracy=1e-4)
     context = simulator.get_mutable_context()
-    loop.rest(context)
+    loop.set_steady_state(context)
     simulator.Initialize()
-    signals, found = loop.GetSubsystemByName("log.signals"), []
-    own = signals.GetMyContextFromRoot(context)
+    torques, found = loop.logs["torques"], []
+    own = torques.GetMyContextFromRoot(context)
     for i in range(PERIODS):
         torque, saturated = [], []
         for step in range(STEPS):
             ends = []
             for end in (0, 1):  # just after and just before what may happen at an instant
                 simulator.AdvanceTo((i + (step + end) / STEPS) * period + (-HAIR if end else HAIR))
-                tau_cmd, tau_limited, tau, _ = np.split(signals.get_output_port().Eval(own), 4)
+                tau_cmd, tau_limited, tau, _ = np.split(torques.get_input_port().Eval(own), 4)
                 torque.append(tau)
                 ends.append(tau_cmd != tau_limited)
             saturated.append(np.mean(ends, axis=0))
@@ -100,6 +100,32 @@ def test_torque_behind_a_lag_is_as_accurate_as_recordings_say(designed, bandwidt
     for name, promised in {"tau_peak": 3e-3, "tau_mean": 1.5e-3, "tau_rms": 1.5e-3}.items():
         rough, fine = (getattr(run, name) / limit for run in runs)
         np.testing.assert_allclose(rough, fine, rtol=0, atol=promised, err_msg=name)
+
+
+STRAIGHT = {
+    "pi": ("pi", "coupled", Drive()),
+    "pi on the error": ("pi", "axis", Drive(torque_error=[0.1, -0.1, 0.0, 0.05])),
+    "anti-windup": ("pi_ctc", "axis", Drive()),
+    **CASES,
+}
+OPTIONS = {"pi on the error": {"structure": "pi"}, "anti-windup": {"anti_windup": True}}
+STOPS = {"late"}  # in every run
+
+
+@pytest.mark.parametrize("case", STRAIGHT)
+def test_a_run_without_stops_at_updates_tells_what_one_with_stops_does(
+    design_of, monkeypatch, case
+):
+    options = {f"controller.{k}": x for k, x in OPTIONS.get(case, {}).items()}
+    design = weaker(design_of(*STRAIGHT[case], **options), 0.5)
+    assert (make_loop(design).feedthrough is None) == (case in STOPS)
+    straight = simulate(design)
+    monkeypatch.setattr(Loop, "feedthrough", None)
+    stopping, limit = simulate(design), design.robot.motor_torque_limit
+    assert np.any(straight.saturated)
+    for name in ("tau_peak", "tau_rms", "saturated"):
+        off = getattr(straight, name) - getattr(stopping, name)
+        np.testing.assert_allclose(off / limit, 0, atol=1e-9, err_msg=name)
 
 
 class Given(LeafSystem, Controller):

@@ -35,18 +35,18 @@ class Held(LeafSystem):
 
 
 def fed(design, motion=None):
-    """A diagram around the loop, with a motion as its external reference."""
-    builder = DiagramBuilder()
-    loop = builder.AddSystem(make_loop(design, reference="external"))
+    """A loop, and the diagram around it with a motion as its external reference."""
+    builder, loop = DiagramBuilder(), make_loop(design, reference="external")
+    builder.AddSystem(loop.diagram)
     held = builder.AddSystem(Held(motion or design.reference))
     builder.Connect(held.get_output_port(), loop.GetInputPort("reference"))
-    return builder.Build()
+    return loop, builder.Build()
 
 
 @pytest.mark.parametrize(("label", "fields"), [("pi", {}), ("p_pi+id", DEVICE)])
 def test_the_planned_motion_from_outside_gives_the_same_run(designed, label, fields):
     design = designed("coupled_pi", kind(label) | ONLINE | fields, start=2.0, end=2.3)
-    planned, external = simulate(design), simulate(design, fed(design))
+    planned, external = simulate(design), simulate(*fed(design))
     for name in ("q", "v", "q_ref", "v_ref", "load_torque"):
         np.testing.assert_array_equal(getattr(external, name), getattr(planned, name), name)
     for name in ("tau", "tau_peak", "tau_rms", "tau_mean", "saturated"):  # of all periods
@@ -66,7 +66,7 @@ def test_a_reference_from_outside_may_exceed_the_limits_and_is_not_delayed(desig
     design, late = made(0.0), made(0.0075)
     planned = simulate(design)
     assert planned.v_ref.max() > 6.2832 and planned.saturated[:, 3].mean() > 0.1
-    for external in (simulate(design, fed(design)), simulate(late, fed(late))):
+    for external in (simulate(*fed(design)), simulate(*fed(late))):
         for name in ("q", "v", "q_ref", "v_ref", "load_torque"):
             np.testing.assert_array_equal(getattr(external, name), getattr(planned, name), name)
 
@@ -82,7 +82,7 @@ def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, spee
     design = designed("coupled_pi", kind(label) | ONLINE | fields, end=0.1)
     v = np.array([speed, 0, 0, 0])
     motion = Motion.from_speeds(0.005, LOADED, np.tile(v, (21, 1)))
-    run = simulate(design, fed(design, motion), q=LOADED, v=v)
+    run = simulate(*fed(design, motion), q=LOADED, v=v)
     np.testing.assert_allclose(run.v, motion.v, atol=2e-5)
     np.testing.assert_array_equal(run.q_ref, motion.q)  # not that of the design
     assert np.abs(run.tau[0, 1]) > 30  # joint 2 carries a load

@@ -4,8 +4,10 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import sdt_drake as sdt
 from sdt_drake.cli.app import main
 from sdt_drake.io.trust import trusting
 from sdt_drake.run import kinds
@@ -82,20 +84,19 @@ def test_the_same_text_is_run_once(desk, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("2 * n)\n", "n)\n", "controller: input 'sampled_state' .*4, expected 8"),
+        ("2 * n)\n", "n)\n", rf"{CLASS}: input 'sampled_state' .*4, expected 8"),
         ("super().__init__()", "pass", rf"{CLASS}: __init__ of Proportional declares ports first"),
         ("self._gain * (", "sys.exit(0) * (", rf"{CLASS}: fails \(SystemExit: 0\)"),
         (
             "    def _calc(self, context, output):\n",
-            "    def after_updates(self, tau_cmd, measured, held):\n        return tau_cmd[1:]\n\n"
             "    def _calc(self, context, output):\n"
             "        self._gain = self._gain if context.get_time() < 0.2 else np.inf\n",
-            rf"{CLASS}: tau_cmd of joint 1 is -?inf at 0\.20",
+            rf"{CLASS}: tau_cmd of joint 1 is -?inf at 0\.2 s",
         ),
         (
             "inputs = {",
             "inputs = {self.DeclareVectorInputPort('tau_limited', n).ticket(), ",
-            rf"{CLASS}: tau_cmd depends on tau_limited at once, .*an algebraic loop",
+            rf"{CLASS}: its torque depends on tau_limited at once, .*an algebraic loop",
         ),
     ],
 )
@@ -107,3 +108,38 @@ def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
     error = capsys.readouterr().err
     assert re.search(message, error) and error.count("\n") == 1
     assert not Path("run.csv").exists()
+
+
+# --- names up to 0.4 -------------------------------------------------------------------------
+
+ON_TIME = OWN.read_text().replace("sampled_state", "measured")
+RESTS = "    def rest(self, context, tau, start=None):\n        self.rested = [tau, start]\n\n"
+
+
+@pytest.mark.parametrize(
+    ("new", "old", "warning"),
+    [
+        (
+            '"measured"',
+            '"state"',
+            rf"{CLASS}: its input 'state' is called 'measured', .* until 0\.7",
+        ),
+        (
+            "    def _calc",
+            f"{RESTS}    def _calc",
+            r"Proportional\.rest is deprecated and goes in 0\.7, name it set_steady_state",
+        ),
+    ],
+    ids=["state", "rest"],
+)
+def test_a_controller_with_names_of_0_4_works_and_warns(desk, new, old, warning):
+    def run(text):
+        (desk / "own.py").write_text(text)
+        design = sdt.design(sdt.load(desk / "run.yaml", trust=True))
+        return sdt.simulate(design)
+
+    today = run(ON_TIME)
+    with pytest.warns(DeprecationWarning, match=warning) as warned:
+        before = run(ON_TIME.replace(new, old))
+    assert len(warned) == 1
+    np.testing.assert_array_equal(before.v, today.v)

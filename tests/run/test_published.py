@@ -11,7 +11,6 @@ from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.design import make_design
-from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
 
@@ -58,7 +57,7 @@ def test_coupled_loop_against_the_equations_of_motion(designed, limit, widen):
     disturbed = {"disturbance.amplitude": 0.05}
     design = weaker(designed("coupled_pi_ctc", disturbed, end=1.5), limit)
     states = robot_by_hand(design, widened=widen)
-    recording = simulate(design, make_loop(design, widened=widen))
+    recording = simulate(design.assuming(widened=widen))
     assert np.any(recording.tau != recording.tau_cmd) == (limit < 1)
     np.testing.assert_allclose(recording.v, states[:, 1], rtol=0, atol=1e-4)
     np.testing.assert_allclose(recording.q, states[:, 0], rtol=0, atol=1e-4)

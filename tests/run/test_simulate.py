@@ -55,11 +55,23 @@ def test_a_recording_survives_its_csv_and_a_second_run_in_its_diagram(design, re
     recording.to_csv(path := tmp_path / "run.csv")
     header = path.read_text().partition("\n")[0]
     assert header == ",".join(["time", *(f"{name}_{k}" for name in COLUMNS for k in (1, 2, 3, 4))])
-    diagram = make_loop(design)
-    simulate(design, diagram)
-    for other in (Recording.from_csv(path), simulate(design, diagram)):
+    loop = make_loop(design)
+    simulate(loop)
+    for other in (Recording.from_csv(path), simulate(loop)):
         for name in ("time", *COLUMNS):
             assert getattr(other, name).tobytes() == getattr(recording, name).tobytes(), name
+
+
+def test_a_loop_behind_its_design_or_scenario_is_simulated_and_warns(designed):
+    """As up to 0.4, where a scenario was refused."""
+    loop = make_loop(designed("axis_pi", end=0.1))
+    for of in (loop.design, loop.design.scenario):
+        with pytest.warns(
+            DeprecationWarning, match=r"is simulate\(loop\), and goes in 0\.7"
+        ) as told:
+            run = simulate(of, loop)
+        assert told[0].filename == __file__
+        np.testing.assert_array_equal(run.v, simulate(loop).v)
 
 
 def test_how_far_a_joint_is_beyond_its_stop(design, recording):

@@ -21,7 +21,6 @@ from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
-from sdt_drake.systems import connect_by_name
 from sdt_drake.systems.gains import tune
 
 
@@ -37,19 +36,23 @@ def make_loop():
 
 def wired(*blocks, outputs=(), logged=(), name="diagram"):
     """A diagram of blocks, each with its name and its signals, inputs first; some are read from
-    outside."""
-    builder, aliases = DiagramBuilder(), {}
+    outside. Signals that no block gives are inputs of the diagram."""
+    builder, sources, targets = DiagramBuilder(), {}, []
     for block, system, signals in blocks:
         builder.AddNamedSystem(block, system)
-        ports = [system.get_input_port(i) for i in range(system.num_input_ports())]
-        ports += [system.get_output_port(i) for i in range(system.num_output_ports())]
-        own = ((block, port.get_name()) for port in ports)
-        aliases |= dict(zip(own, signals.split(), strict=True))
-    connected = connect_by_name(builder, aliases)
+        inputs = [system.get_input_port(i) for i in range(system.num_input_ports())]
+        read, given = signals.split()[: len(inputs)], signals.split()[len(inputs) :]
+        targets += zip(read, inputs, strict=True)
+        sources |= {signal: system.get_output_port(i) for i, signal in enumerate(given)}
+    for signal, port in targets:
+        if signal in sources:
+            builder.Connect(sources[signal], port)
+        else:
+            builder.ExportInput(port, signal)
     for signal in logged:
-        LogVectorOutput(connected[signal], builder).set_name(f"log.{signal}")
+        LogVectorOutput(sources[signal], builder).set_name(f"log.{signal}")
     for signal in outputs:
-        builder.ExportOutput(connected[signal], signal)
+        builder.ExportOutput(sources[signal], signal)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram
@@ -202,6 +205,34 @@ def test_a_block_that_hands_on_what_is_fed_back_stands_below():
 
     assert rects["encoder",].top > rects["process",].bottom
     assert rects["encoder",].right < rects["gain",].left
+
+
+def make_framed():
+    """A loop through a device, a diagram of its own that is fed from outside, too."""
+    load = ("sum", Adder(2, 1), "tau load x0"), ("process", Integrator(1), "x0 state")
+    return wired(
+        ("error", Adder(2, 1), "reference state e"),
+        ("gain", Gain(2.0, 1), "e tau"),
+        ("device", wired(*load, outputs=["state"]), "tau load state"),
+        outputs=["state"],
+    )
+
+
+def test_a_frame_with_an_output_of_the_diagram_ends_the_main_line():
+    rects = Layout(walk(make_framed(), {})).rects
+
+    line = [rects[path] for path in [("error",), ("gain",), ("device", "process")]]
+    assert {rect.y for rect in line} == {0}
+    assert all(one.right < other.left for one, other in itertools.pairwise(line))
+
+
+def test_a_diagram_with_an_empty_symbol_has_no_frame():
+    framed, bare = (walk(make_framed(), symbols) for symbols in ({}, {"device": ""}))
+
+    assert [frame.path for frame in framed.frame.frames()] == [(), ("device",)]
+    assert [frame.path for frame in bare.frame.frames()] == [()]
+    assert wires_of(bare) == wires_of(framed)
+    assert {*blocks_of(walk(make_framed(), {"device": ""}, max_depth=0))} >= {"sum", "process"}
 
 
 @pytest.mark.parametrize(("n", "terms"), [(5, 5), (8, 3)])

@@ -7,7 +7,6 @@ import re
 import matplotlib
 import numpy as np
 import pytest
-from alone import made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -22,6 +21,7 @@ from sdt_drake.show.block_diagrams import dot_text, fingerprint, page_of, write_
 from sdt_drake.show.diagrams import paint
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
+from sdt_drake.systems import encoder
 from sdt_drake.systems.gains import tune
 
 
@@ -100,7 +100,7 @@ def overlap(one, other):
 def test_a_sign_does_not_lie_on_its_wire():
     """A wire that turns right before the sum."""
     design = make_design(load_scenario("wrong_model"))
-    page = page_of(make_loop(design))
+    page = page_of(make_loop(design).diagram)
     signs = [item for item in page.items if item.text in {"+", "−"}]
     segments = [pair for _, line in page.wires for pair in itertools.pairwise(line)]
     assert len(signs) == 6
@@ -110,8 +110,17 @@ def test_a_sign_does_not_lie_on_its_wire():
         assert math.hypot(dx, dy) > 2.3  # points
 
 
-def test_an_encoder_has_its_period_in_milliseconds():
-    assert SYMBOLS["Encoder"](made("Encoder")) == "encoder\n5 ms"
+@pytest.mark.parametrize("resolution", [None, [50.0]])
+def test_an_encoder_has_its_period_in_milliseconds(resolution):
+    block = encoder(n=1, period=0.005, resolution=resolution, gear_ratio=[2.0])
+    assert SYMBOLS["encoder.drives"](block) == "encoder\n5 ms"
+
+
+def test_an_ideal_encoder_is_a_line():
+    """The cascade samples at the reference alone."""
+    loop = make_loop(make_design(load_scenario("coupled_pi", {"controller.kind": "p_pi"})))
+    texts = [item.text for item in page_of(loop.diagram).items]
+    assert texts.count("encoder\n5 ms") == 1
 
 
 # --- files -----------------------------------------------------------------------------------

@@ -13,8 +13,8 @@ from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, Springs
 from sdt_drake.robot.dynamics import decouple
 from sdt_drake.robot.robot import Robot, load_robot
-from sdt_drake.systems import SymbolicLaw
 from sdt_drake.systems.gains import feedforward_torque
+from sdt_drake.systems.symbolic import TIME as CLOCK
 
 TIME = 0.3  # s
 
@@ -47,11 +47,11 @@ def case(block, title="", *, scales=None, tolerance=1e-12, **changes):
 # --- controllers and motors ------------------------------------------------------------------
 
 
-def pi_law(x, reference, state, tau_cmd=0, tau=0, *, structure, anti_windup, period):
-    v_ref, v = reference[N : 2 * N], state[N:]
+def pi_law(x, reference, measured, tau_cmd=0, tau_limited=0, *, structure, anti_windup, period):
+    v_ref, v = reference[N : 2 * N], measured[N:]
     error = GEAR * (v_ref - v)
     proportional = error if structure == "pi" else -GEAR * v
-    rate = error + (tau - tau_cmd) / GAINS.kp if anti_windup else error
+    rate = error + (tau_limited - tau_cmd) / GAINS.kp if anti_windup else error
     change = rate if period is None else x + period * rate
     return {"tau_fb": GAINS.ki * x + GAINS.kp * proportional}, change
 
@@ -60,51 +60,46 @@ for structure, anti_windup, period in itertools.product(
     ("pi", "p_in_feedback"), (False, True), (None, PERIOD / 4)
 ):
     options = {"structure": structure, "anti_windup": anti_windup, "period": period}
-    case("PiSpeedController", f"{[*options.values()]}", **options)(partial(pi_law, **options))
+    case("pi_speed_controller", f"{[*options.values()]}", **options)(partial(pi_law, **options))
 
 
-@case("CtcFeedforward")
-def feedforward(x, tau_fb, tau_ff):
-    return {"tau_cmd": tau_fb + tau_ff}, None
-
-
-@case("Disturbance")
+@case("disturbance")
 def disturbance(x, load_torque):
     return {"disturbance": 0.05 * np.sin(7.0 * TIME) * load_torque}, None
 
 
-@case("PositionLoop")
+@case("position_loop")
 def position_loop(x, reference, sampled_state):
     q_ref, v_ref, vd_ref = np.split(reference, 3)
     v_ref = v_ref + np.array([2.0, 3.0, 5.0]) * (q_ref - sampled_state[:N])
     return {"speed_reference": np.concatenate([q_ref, v_ref, vd_ref])}, None
 
 
-@case("GainSchedule")
-def gain_schedule(x, reference, state, inertia_share):
+@case("gain_schedule")
+def gain_schedule(x, reference, measured, inertia_share):
     q_ref, v_ref, vd_ref = np.split(reference, 3)
-    q, v = np.split(state, 2)
+    q, v = np.split(measured, 2)
     return {
         "weighted_reference": np.concatenate([q_ref, inertia_share * v_ref, vd_ref]),
-        "weighted_state": np.concatenate([q, inertia_share * v]),
+        "weighted_measured": np.concatenate([q, inertia_share * v]),
     }, None
 
 
-def saturation(x, tau_cmd, alleviating_torque=0.0, state=None):
+def saturation(x, tau_cmd, alleviating_torque=0.0, motor_state=None):
     """All of the limit up to n1, none from n0 on, in the direction of the motion alone."""
-    speed = np.zeros(N) if state is None else GEAR * state[N:]
+    speed = np.zeros(N) if motor_state is None else GEAR * motor_state[N:]
     n1, n0 = (alone.ENVELOPE[name] for name in ("n1", "n0"))
     forward, backward = (LIMIT * np.clip((n0 - w) / (n0 - n1), 0, 1) for w in (speed, -speed))
     lower = np.minimum(alleviating_torque, 0) - backward
     upper = np.maximum(alleviating_torque, 0) + forward
-    return {"tau": np.clip(tau_cmd, lower, upper)}, None
+    return {"tau_limited": np.clip(tau_cmd, lower, upper)}, None
 
 
 SIZES = {"tau_cmd": 1.5 * LIMIT, "alleviating_torque": 0.3 * LIMIT}
-SIZES |= {"state": np.tile(alone.N0 / GEAR, 2)}
+SIZES |= {"motor_state": np.tile(alone.N0 / GEAR, 2)}
 for envelope, widened in itertools.product(({}, alone.ENVELOPE), (True, False)):
     options = {"motor_torque_limit": LIMIT, "widened": widened, **envelope}
-    case("DynamicSaturation", f"{len(envelope)} {widened}", scales=SIZES, **options)(saturation)
+    case("dynamic_saturation", f"{len(envelope)} {widened}", scales=SIZES, **options)(saturation)
 
 
 def torque_loop(x, tau_limited):
@@ -115,21 +110,21 @@ def torque_loop(x, tau_limited):
     return {"tau": tau}, 2 * np.pi * 300 * (given - tau) / LIMIT / 30
 
 
-case("TorqueLoop", tolerance=0)(lambda x, tau_limited: ({"tau": tau_limited}, None))
-case("TorqueLoop", "with error", error=ERROR)(torque_loop)
-case("TorqueLoop", "with lag", bandwidth=300.0, error=ERROR)(torque_loop)
+case("torque_loop", tolerance=0)(lambda x, tau_limited: ({"tau": tau_limited}, None))
+case("torque_loop", "with error", error=ERROR)(torque_loop)
+case("torque_loop", "with lag", bandwidth=300.0, error=ERROR)(torque_loop)
 
 
 # --- plants ----------------------------------------------------------------------------------
 
 
-@case("AxisProcess")
+@case("axis_process")
 def axis_process(x, tau, load_torque):
     return {"state": x}, [*x[N:], *((tau - load_torque) / alone.I_EFF / GEAR)]
 
 
 # Sticking, sliding, and both sides of the Stribeck peak.
-@case("JointFriction", scales={"x": 0.02, "state": 0.03})
+@case("joint_friction", scales={"x": 0.02, "state": 0.03})
 def friction(x, state):
     v = state[N:]
     stretch = 100 * x  # z / z_c
@@ -162,7 +157,7 @@ def elastic_joints(x, tau, state, *, springs):
 
 
 for springs in (alone.SPRINGS, ALL):
-    register = case("ElasticJoints", "all" * (springs is ALL), springs=springs)
+    register = case("elastic_joints", "all" * (springs is ALL), springs=springs)
     register(partial(elastic_joints, springs=springs))
 
 DEVICE = load_robot()
@@ -190,7 +185,7 @@ def robot_plant(x, tau, load_torque, *, rotors):
 STRONG = {"tau": 10 * DEVICE.motor_torque_limit, "load_torque": 100.0}  # not limited
 for apart in ([0, 0, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]):
     apart = np.array(apart, dtype=bool)
-    register = case("RobotPlant", f"{apart}", without_rotor=apart, scales=STRONG, tolerance=1e-9)
+    register = case("robot_plant", f"{apart}", without_rotor=apart, scales=STRONG, tolerance=1e-9)
     register(partial(robot_plant, rotors=ROTOR * ~apart))
 
 
@@ -200,7 +195,7 @@ for apart in ([0, 0, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]):
 WRONG = deviated(DEVICE, Deviation(payload_mass=100.0))
 
 
-@case("InverseDynamicsController", model=WRONG, tolerance=1e-9)
+@case("inverse_dynamics_controller", model=WRONG, tolerance=1e-9)
 def computed_torque(x, reference, sampled_state):
     """Without an integral: Drake's controller has one, of the gain 0."""
     q_ref, v_ref, vd_ref = np.split(reference, 3)
@@ -240,12 +235,12 @@ def inverse_dynamics(x, reference):
 # --- encoders, symbols, perception -----------------------------------------------------------
 
 
-@case("Encoder")
+@case("encoder")
 def ideal_encoder(x, state):
     return {"measured": x}, state
 
 
-@case("Encoder", "with resolution", **alone.RESOLVED)
+@case("encoder", "with resolution", **alone.RESOLVED)
 def encoder(x, state):
     now, before = np.split(x[1:], 2)
     increments = np.array([50.0, 60.0, 70.0]) * GEAR  # per revolution of the joint
@@ -256,12 +251,12 @@ def encoder(x, state):
 
 
 @case(
-    "SymbolicLaw",
+    "symbolic_law",
     inputs={"a": 2, "b": 1},
     output="c",
     states=1,
     timed=True,
-    law=lambda x, a, b: [x[0] * a[1], sym.sin(SymbolicLaw.time) * b[0]],
+    law=lambda x, a, b: [x[0] * a[1], sym.sin(CLOCK) * b[0]],
     rates=lambda x, a, b: [a[0] * b[0] - x[0]],
 )
 def of_two_inputs(x, a, b):
@@ -274,7 +269,7 @@ K_W, K_FW, K_FG, K_A, TAU, TAU_A = (
 LAG = 2 * np.pi * 1.5
 
 
-@case("InternalModel")
+@case("internal_model")
 def internal_model(x, otoliths, canals):
     expected, unused, gravity, low_pass, cupula = np.split(x, [3, 4, 7, 10])
     axis = np.cross(otoliths, expected)
@@ -294,7 +289,7 @@ def internal_model(x, otoliths, canals):
     return {"gravity": gravity, "rate": rate, "acceleration": 9.81 * felt}, np.concatenate(change)
 
 
-@case("OrientationObserver", scales={"specific_force": 9.81})
+@case("orientation_observer", scales={"specific_force": 9.81})
 def orientation_observer(x, specific_force, angular_rate):
     otoliths, low_pass, cupula, nerve, inside = np.split(x, [3, 6, 9, 12])
     outputs, change = internal_model(inside, otoliths, low_pass - cupula - nerve)

@@ -3,7 +3,7 @@
 import inspect
 import re
 import textwrap
-from functools import cache
+from functools import cache, partial
 
 import alone
 import numpy as np
@@ -12,34 +12,41 @@ from alone import GEAR, LIMIT, PERIOD, Alone, N, inputs_of, made, outputs_of
 from hypothesis import given
 from laws import CASES, DEVICE, TIME
 from pydrake.common.yaml import yaml_load
+from pydrake.systems.framework import LeafSystem
 from strategies import GENERATORS
 
 from sdt_drake import systems
 from sdt_drake.io.errors import InputError
+from sdt_drake.systems.elastic_joints import set_motor_state
+from sdt_drake.systems.encoder import set_measured
+from sdt_drake.systems.pi import set_integral
+from sdt_drake.systems.torque_loop import set_motor_torque
+from sdt_drake.systems.wiring import set_state
 
-BLOCKS = [name for name in systems.__all__ if name[0].isupper()]
+BLOCKS = ["symbolic_law"]  # its ports are arguments, so it has no picture
+BLOCKS += [x for x in systems.__all__ if ".. pydrake_system::" in getattr(systems, x).__doc__]
 
 
 # --- ports -----------------------------------------------------------------------------------
 
 
-def is_drawn(system, optional=()):
+def is_drawn(name, system, optional=()):
     """The ports of a block are those of the picture in its docstring; others are in its text."""
-    kind = type(system)
+    block = getattr(systems, name)
     text = re.search(
-        r"^ *\.\. pydrake_system::\n((?:\n| {8}.*\n)+)", f"{kind.__doc__}\n", re.MULTILINE
+        r"^\.\. pydrake_system::\n((?:\n| {4}.*\n)+)", f"{inspect.getdoc(block)}\n", re.MULTILINE
     )
     inputs = [name for name in inputs_of(system) if name not in optional]
     ports = {"input_ports": inputs, "output_ports": list(outputs_of(system))}
-    drawn = {name: names for name, names in ports.items() if names} | {"name": kind.__name__}
+    drawn = {name: names for name, names in ports.items() if names} | {"name": name}
     assert yaml_load(data=textwrap.dedent(text[1])) == drawn
     assert len(inputs) + len(optional) == system.num_input_ports()
-    described = " ".join(c.__doc__ for c in kind.__mro__ if c in (kind, *kind.__bases__))
-    assert all(f"`{name}`" in described for name in optional)
+    assert all(f"`{port}`" in block.__doc__ for port in optional)
+    assert isinstance(system, LeafSystem) or system.get_name() == name
 
 
 def test_every_block_has_a_law_here_or_in_test_sources_or_test_drawing():
-    others = {"ReferenceSource", "SignalTable", "RobotDrawing"}
+    others = {"reference_source", "signal_table", "robot_drawing"}
     assert {case.block for case in CASES} | others == set(BLOCKS)
 
 
@@ -47,17 +54,18 @@ def test_every_block_has_a_law_here_or_in_test_sources_or_test_drawing():
 def test_a_block_has_keyword_arguments_and_the_ports_of_its_picture(name, robot, meshcat):
     signature = inspect.signature(getattr(systems, name))
     assert all(p.kind is p.KEYWORD_ONLY for p in signature.parameters.values())
-    if name != "SymbolicLaw":  # its ports are arguments
-        is_drawn(made(name, robot, **({"meshcat": meshcat} if name == "RobotDrawing" else {})))
-    if name == "DynamicSaturation":
-        is_drawn(made(name, **alone.ENVELOPE), ["state"])
-    if name == "PiSpeedController":
-        is_drawn(made(name, anti_windup=True), ["tau_cmd", "tau"])
+    if name != "symbolic_law":
+        changes = {"meshcat": meshcat} if name == "robot_drawing" else {}
+        is_drawn(name, made(name, robot, **changes))
+    if name == "dynamic_saturation":
+        is_drawn(name, made(name, **alone.ENVELOPE), ["motor_state"])
+    if name == "pi_speed_controller":
+        is_drawn(name, made(name, anti_windup=True), ["tau_cmd", "tau_limited"])
 
 
 FREE = {"i_eff", "position_gain", "motor_torque_limit"}  # of any length
 CHECKED = FREE | {"gear_ratio", "n", "amplitude", "omega_d", "period", "omega_n", "zeta"}
-MORE = {"Encoder": alone.RESOLVED, "PiSpeedController": {"structure": "pi"}}
+MORE = {"encoder": alone.RESOLVED, "pi_speed_controller": {"structure": "pi"}}
 MORE |= {"LoadTorque": {"algorithm": "printed"}}
 BAD = [
     (name, argument, bad)
@@ -121,28 +129,37 @@ STATE = np.concatenate([Q[:N], V[:N]])
 INCREMENT = 2 * np.pi / (np.array(alone.RESOLVED["resolution"]) * GEAR)
 Q_BEFORE, Q_NOW = (np.floor(x / INCREMENT) * INCREMENT for x in (Q[:N] - PERIOD * V[:N], Q[:N]))
 LATE = alone.RESOLVED | {"offset": 0.4 * PERIOD}
-STILL = {"reference": np.zeros(3 * N), "state": np.zeros(2 * N)}
+STILL = {"reference": np.zeros(3 * N), "measured": np.zeros(2 * N)}
 LOOP = {"bandwidth": 300.0, "error": alone.ERROR}
-STARTS = [  # of what, with what it starts, and the output then
-    ("AxisProcess", {}, [Q[:N], V[:N]], {}, "state", STATE),
-    ("RobotPlant", {}, [Q, V], {}, "state", np.concatenate([Q, V])),
-    ("ElasticJoints", {}, [Q[:N], V[:N]], {"state": STATE}, "motor_state", STATE),
-    ("Encoder", {}, [Q[:N], V[:N]], {}, "measured", STATE),
-    ("Encoder", alone.RESOLVED, [Q[:N], V[:N]], {}, "measured", np.append(Q_BEFORE, V[:N])),
-    ("Encoder", LATE, [Q[:N], V[:N]], {}, "measured", np.append(Q_NOW, V[:N])),
-    ("PiSpeedController", {}, [LIMIT], STILL, "tau_fb", LIMIT),
-    ("PiSpeedController", {"period": PERIOD}, [LIMIT], STILL, "tau_fb", LIMIT),
-    ("TorqueLoop", LOOP, [LIMIT], {"tau_limited": LIMIT / (1 + alone.ERROR)}, "tau", LIMIT),
+BOTH = np.concatenate([Q, V])
+# What sets the state of a block, to what, and the output then.
+PLANT = partial(set_state, path="multibody_plant", state=BOTH)
+AXES = partial(set_state, path="motors", state=STATE)
+MOTORS = partial(set_motor_state, q=Q[:N], v=V[:N], springs=alone.SPRINGS)
+ENCODER = partial(set_measured, q=Q[:N], v=V[:N])
+COUNTER = partial(ENCODER, **alone.RESOLVED)
+INTEGRAL = partial(set_integral, tau=LIMIT, gains=alone.GAINS)
+TORQUE = partial(set_motor_torque, tau=LIMIT, motor_torque_limit=LIMIT)
+STARTS = [
+    ("axis_process", {}, AXES, {}, "state", STATE),
+    ("robot_plant", {}, PLANT, {}, "state", BOTH),
+    ("elastic_joints", {}, MOTORS, {"state": STATE}, "motor_state", STATE),
+    ("encoder", {}, ENCODER, {}, "measured", STATE),
+    ("encoder", alone.RESOLVED, COUNTER, {}, "measured", np.append(Q_BEFORE, V[:N])),
+    ("encoder", LATE, COUNTER, {}, "measured", np.append(Q_NOW, V[:N])),
+    ("pi_speed_controller", {}, INTEGRAL, STILL, "tau_fb", LIMIT),
+    ("pi_speed_controller", {"period": PERIOD}, INTEGRAL, STILL, "tau_fb", LIMIT),
+    ("torque_loop", LOOP, TORQUE, {"tau_limited": LIMIT / (1 + alone.ERROR)}, "tau", LIMIT),
 ]
 
 
 @pytest.mark.parametrize(("name", "changes", "start", "inputs", "output", "expected"), STARTS)
 def test_a_block_starts_as_it_is_told(robot, name, changes, start, inputs, output, expected):
     block = Alone(name, robot, **changes)
-    block.system.rest(block.context, *start)
+    start(block.system, block.context)
     block.give(**inputs)
     np.testing.assert_allclose(block.output(output), expected, rtol=1e-9)
-    if name == "TorqueLoop":
+    if name == "torque_loop":
         assert np.all(np.abs(block.derivatives()) < 1e-9)
     if changes is alone.RESOLVED:  # at time 0 it samples once more
         block.give(state=STATE)

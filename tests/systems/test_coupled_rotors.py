@@ -16,7 +16,9 @@ from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.run.plant import springs_along
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import make_simulator
-from sdt_drake.systems import ElasticJoints, InverseDynamicsController, RobotPlant
+from sdt_drake.systems import elastic_joints, inverse_dynamics_controller, robot_plant
+from sdt_drake.systems.elastic_joints import set_motor_state
+from sdt_drake.systems.wiring import set_state
 
 TURNS = (
     '<sdt:turns_with joint="shoulder">-30</sdt:turns_with><drake:gear_ratio>40</drake:gear_ratio>'
@@ -31,7 +33,7 @@ def accelerated(process, q, v, tau, load):
     context = process.CreateDefaultContext()
     for name, torque in (("tau", tau), ("load_torque", load)):
         process.GetInputPort(name).FixValue(context, torque)
-    process.rest(context, q, v)
+    set_state(process, context, "multibody_plant", [*q, *v])
     return process.EvalTimeDerivatives(context).CopyToVector()[len(q) :], context
 
 
@@ -41,7 +43,7 @@ def test_the_plant_accelerates_by_the_inverse_dynamics(case, rng):
     """They are Pinocchio's, with C' I_m C. The linear model has the same mass matrix."""
     robot, (q,), (v,), _ = case
     tau, load = rng.normal(size=(2, robot.n)) * robot.motor_torque_limit / 10
-    process = RobotPlant(robot=robot)
+    process = robot_plant(robot=robot)
     vd, context = accelerated(process, q, v, tau, load)
     torque = inverse_dynamics(robot, q[None], v[None], vd[None])[0]
     expected = robot.gear_ratio * (tau - load)
@@ -57,20 +59,21 @@ def test_the_plant_accelerates_by_the_inverse_dynamics(case, rng):
 
 def test_energy_of_links_and_rotors_is_kept():
     wrist = loaded(WRIST)
-    process = RobotPlant(robot=wrist)
+    process = robot_plant(robot=wrist)
     simulator = make_simulator(process, period=0.001, accuracy=1e-8)
     root = simulator.get_mutable_context()
     for name in ("tau", "load_torque"):
         process.GetInputPort(name).FixValue(root, np.zeros(2))
-    process.rest(root, [0.4, 1.2], [1.0, -2.0])
-    inner, seen = process.plant.GetMyContextFromRoot(root), []
+    set_state(process, root, "multibody_plant", [0.4, 1.2, 1.0, -2.0])
+    plant, seen = process.GetSubsystemByName("multibody_plant"), []
+    inner = plant.GetMyContextFromRoot(root)
     for time in np.linspace(0, 1, 51):
         simulator.AdvanceTo(time)
-        v = process.plant.GetVelocities(inner)
-        links = process.plant.CalcMassMatrix(inner) - np.diag(np.diag(C.T * ROTORS @ C))
+        v = plant.GetVelocities(inner)
+        links = plant.CalcMassMatrix(inner) - np.diag(np.diag(C.T * ROTORS @ C))
         motors = C @ v
         moving_parts = v @ links @ v / 2, motors @ (ROTORS * motors) / 2
-        seen.append([*moving_parts, process.plant.CalcPotentialEnergy(inner)])
+        seen.append([*moving_parts, plant.CalcPotentialEnergy(inner)])
     swings = np.ptp(np.array(seen), axis=0)
     assert np.all(swings > 1), swings
     assert np.ptp(np.sum(seen, axis=1)) < 1e-5 * swings.min()
@@ -81,13 +84,13 @@ def test_energy_of_links_and_rotors_is_kept():
 def test_computed_torque_decouples_the_plant(case):
     robot, q, v, vd = case
     omega_n, zeta = np.arange(2.0, 2 + robot.n), np.linspace(0.5, 1, robot.n)
-    law = InverseDynamicsController(model=robot, omega_n=omega_n, zeta=zeta)
+    law = inverse_dynamics_controller(model=robot, omega_n=omega_n, zeta=zeta)
     context = law.CreateDefaultContext()
     reference = np.concatenate([q[0], v[0], vd[0]])
     law.GetInputPort("reference").FixValue(context, reference)
     law.GetInputPort("sampled_state").FixValue(context, np.concatenate([q[1], v[1]]))
     tau = law.GetOutputPort("tau_fb").Eval(context)
-    found, _ = accelerated(RobotPlant(robot=robot), q[1], v[1], tau, np.zeros(robot.n))
+    found, _ = accelerated(robot_plant(robot=robot), q[1], v[1], tau, np.zeros(robot.n))
     asked = vd[0] + 2 * zeta * omega_n * (v[0] - v[1]) + omega_n**2 * (q[0] - q[1])
     np.testing.assert_allclose(found, asked, rtol=1e-6, atol=1e-6 * np.abs(asked).max())
 
@@ -95,14 +98,14 @@ def test_computed_torque_decouples_the_plant(case):
 def test_rotors_behind_springs_turn_together():
     """C' I_m C wd = r tau - k (theta - q), with both joints elastic."""
     wrist, springs = loaded(WRIST), Springs(np.ones(2, bool), np.array([2e3, 9e2]), np.zeros(2))
-    joints = ElasticJoints(
+    joints = elastic_joints(
         springs=springs,
         rotor_inertia=wrist.motor_inertia,
         gear_ratio=[10, 40],
         shared_inertia=wrist.shared_inertia,
     )
     context, tau, state = joints.CreateDefaultContext(), np.array([2.0, -0.3]), np.zeros(4)
-    joints.rest(context, [0.01, -0.02], [0.5, 0.7])
+    set_motor_state(joints, context, [0.01, -0.02], [0.5, 0.7], springs=springs)
     joints.GetInputPort("tau").FixValue(context, tau)
     joints.GetInputPort("state").FixValue(context, state)
     wd = joints.EvalTimeDerivatives(context).CopyToVector()[2:]

@@ -7,7 +7,7 @@ import pytest
 from pydrake.math import RigidTransform
 from robots import ARM, RATE_TABLE, loaded
 
-from sdt_drake.systems import RobotDrawing
+from sdt_drake.systems import robot_drawing
 from sdt_drake.systems.skeleton import bones, skeleton
 
 
@@ -20,7 +20,8 @@ def parts(text: str):
 
 
 def test_a_robot_without_shapes_is_drawn_as_its_skeleton(meshcat):
-    inspector = RobotDrawing(robot=loaded(ARM), meshcat=meshcat).scene_graph.model_inspector()
+    drawing = robot_drawing(robot=loaded(ARM), meshcat=meshcat)
+    inspector = drawing.GetSubsystemByName("scene_graph").model_inspector()
     middles = {
         inspector.GetName(part).rpartition("::")[2]: inspector.GetPoseInFrame(part).translation()
         for part in inspector.GetAllGeometryIds()

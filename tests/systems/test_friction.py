@@ -16,11 +16,12 @@ from sdt_drake.robot.device import (
     sliding_friction,
     sliding_stretch,
 )
-from sdt_drake.run.device_diagram import make_process
+from sdt_drake.run.device import make_device, viscous_only
 from sdt_drake.run.simulate import make_simulator
-from sdt_drake.systems import JointFriction
+from sdt_drake.systems import joint_friction
+from sdt_drake.systems.friction import set_sliding
 
-BLOCK = JointFriction(friction=FRICTION, gear_ratio=GEAR)
+BLOCK = joint_friction(friction=FRICTION, gear_ratio=GEAR)
 
 
 def force_and_rate(stretch, v):
@@ -86,10 +87,11 @@ def test_no_slope_is_steeper_than_the_poles_that_a_design_checks(stretch, v):
 def test_linear_loops_have_the_slope_of_joints_that_slide_fast(designed):
     """`bode`, `linear`, `stability` and the check of `learn` are made from one process."""
     design = designed("real_device")
-    block = JointFriction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
+    block = joint_friction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
     fast = np.array([2.0, -2.0, 3.0, -3.0])  # rad/s
     found = slope(block, sliding_stretch(design.friction, fast), fast)
-    gain = make_process(design).GetSubsystemByName("viscous_friction").D()
+    linear = make_device(viscous_only(design)).GetSubsystemByName("friction")
+    gain = linear.GetSubsystemByName("viscous").D()
     expected = np.hstack([np.zeros((4, 4)), np.diag(found)])
     np.testing.assert_allclose(gain, expected, rtol=1e-4, atol=1e-9)
 
@@ -104,7 +106,7 @@ def test_a_joint_slides_to_rest_as_by_hand_and_stays(load):
     A, B = [[0, 1, 0], [0, 0, -1 / inertia], [0, 0, 0]], [[0.0], [-1 / inertia], [0.0]]
     C = np.eye(2, 3)
     joint = builder.AddSystem(LinearSystem(np.array(A, dtype=float), B, C, np.zeros((2, 1)), 0.0))
-    friction = builder.AddSystem(JointFriction(friction=only_coulomb, gear_ratio=[1.0]))
+    friction = builder.AddSystem(joint_friction(friction=only_coulomb, gear_ratio=[1.0]))
     builder.Connect(joint.get_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), joint.get_input_port())
     log = LogVectorOutput(joint.get_output_port(), builder, publish_period=0.001)
@@ -112,7 +114,8 @@ def test_a_joint_slides_to_rest_as_by_hand_and_stays(load):
     context = simulator.get_mutable_context()
     start = np.array([0.0, v_0, load * coulomb])
     joint.GetMyMutableContextFromRoot(context).SetContinuousState(start)
-    friction.rest(friction.GetMyMutableContextFromRoot(context), [v_0])
+    own = friction.GetMyMutableContextFromRoot(context)
+    set_sliding(friction, own, [v_0], friction=only_coulomb)
     stops = inertia * v_0 / (coulomb * (1 + load))
     simulator.AdvanceTo(stops + 1.0)
     q, v = log.FindLog(context).data()

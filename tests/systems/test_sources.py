@@ -1,4 +1,4 @@
-"""References, tables and holds, late or not; wiring by name, logs, the meter, online torques."""
+"""References, tables and holds, late or not; the meter, and torques online."""
 
 import dataclasses
 import gc
@@ -7,20 +7,14 @@ import numpy as np
 import pytest
 from alone import LIMIT, LOADS, MOTION, PERIOD, Alone, N, exact, made, outputs_of
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import (
-    ConstantVectorSource,
-    Gain,
-    LogVectorOutput,
-    PassThrough,
-    Sine,
-)
+from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, Sine
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator, simulate
-from sdt_drake.systems import add_meter, connect_by_name, hold_of, mean_torque
+from sdt_drake.systems import add_meter, hold_of, mean_torque
 from sdt_drake.systems import load_torque as module
+from sdt_drake.systems.reference import start_table
 
 ROWS = np.hstack([MOTION.q, MOTION.v, MOTION.vd])
 SIGNALS = {**LOADS._asdict(), "inertia_share": MOTION.v}
@@ -31,7 +25,7 @@ def near(actual, expected):
 
 
 def test_a_reference_is_exact_at_its_samples_and_linear_between():
-    block = Alone("ReferenceSource")
+    block = Alone("reference_source")
     for i, share in [*((i, 0) for i in range(3000)), (0, 0.5), (7, 0.25), (2999, 0.9)]:
         block.context.SetTime((i + share) * PERIOD)
         expected = (1 - share) * ROWS[i] + share * ROWS[i + 1]
@@ -45,9 +39,9 @@ def test_a_reference_is_exact_at_its_samples_and_linear_between():
 )
 def test_samples_are_in_force_from_their_arrival_on(delay, offset):
     builder = DiagramBuilder()
-    source = builder.AddNamedSystem("source", made("ReferenceSource", delay=delay))
+    source = builder.AddNamedSystem("source", made("reference_source", delay=delay))
     hold = builder.AddNamedSystem("hold", hold_of(MOTION, 3 * N, delay=delay))
-    table = builder.AddNamedSystem("table", made("SignalTable", signals=SIGNALS, delay=delay))
+    table = builder.AddNamedSystem("table", made("signal_table", signals=SIGNALS, delay=delay))
     assert not hold.HasAnyDirectFeedthrough()
     builder.Connect(source.get_output_port(), hold.get_input_port())
     builder.ExportOutput(source.get_output_port(), "source")
@@ -56,7 +50,7 @@ def test_samples_are_in_force_from_their_arrival_on(delay, offset):
     rows = {"reference": ROWS, **SIGNALS}
     both = Alone(builder.Build())
     assert both.timing == pytest.approx((offset, PERIOD), rel=1e-12, abs=0)
-    table.rest(table.GetMyMutableContextFromRoot(both.context))
+    start_table(table, table.GetMyMutableContextFromRoot(both.context))
     for name, samples in rows.items():  # a hold alone starts with nothing
         exact(both.output(name), samples[0] * (name != "reference"))
     late = round((delay - offset) / PERIOD)  # samples before row 0 arrives
@@ -70,29 +64,6 @@ def test_samples_are_in_force_from_their_arrival_on(delay, offset):
             near(both.output(name), samples[max(k, 0)])
 
 
-# --- wiring by name --------------------------------------------------------------------------
-
-
-def with_parts(**parts):
-    builder = DiagramBuilder()
-    for name, system in parts.items():
-        builder.AddNamedSystem(name, system)
-    return builder
-
-
-@pytest.mark.parametrize(
-    ("other", "aliases", "message"),
-    [
-        (Gain(3.0, 1), {}, "'y0': .* one and of other"),
-        (PassThrough(3), {("other", "u"): "y0"}, "other: input 'u' .* 3, expected 1"),
-    ],
-    ids=["same name", "length"],
-)
-def test_ambiguous_signals_are_refused(other, aliases, message):
-    with pytest.raises(InputError, match=message):
-        connect_by_name(with_parts(one=Gain(2.0, 1), other=other), aliases)
-
-
 # --- meter -----------------------------------------------------------------------------------
 
 
@@ -103,7 +74,9 @@ def test_the_meter_reads_the_mean_of_a_sine_and_leaves_the_integrator_its_steps(
         "tau_limited": ConstantVectorSource(LIMIT),
         "tau": Sine(np.array([80.0, -10, 0]), 2 * np.pi * np.array([10.0, 5, 1]), np.zeros(3)),
     }
-    builder = with_parts(**parts)
+    builder = DiagramBuilder()
+    for name, part in parts.items():
+        builder.AddNamedSystem(name, part)
     ports = {name: part.get_output_port(0) for name, part in parts.items()}
     signals = add_meter(builder, motor_torque_limit=LIMIT, **ports)
     log = LogVectorOutput(signals, builder, publish_period=0.1)
@@ -155,7 +128,7 @@ def test_a_simulator_outlives_its_robot_and_design(robot, designed):
 
     def speeds(nominal):
         loop = make_loop(dataclasses.replace(online, nominal=nominal()))
-        simulator = make_simulator(loop, period=online.motion.period, accuracy=1e-4)
+        simulator = make_simulator(loop.diagram, period=online.motion.period, accuracy=1e-4)
         del loop
         gc.collect()
         simulator.AdvanceTo(0.1)

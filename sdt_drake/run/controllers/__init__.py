@@ -14,7 +14,7 @@ from pydrake.systems.framework import System
 from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.errors import InputError, one_line
-from sdt_drake.run.controllers.base import Controller
+from sdt_drake.run.controllers.base import Controller, Shipped, start_controller
 from sdt_drake.run.controllers.inverse_dynamics import InverseDynamics
 from sdt_drake.run.controllers.p_pi import PPi
 from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId
@@ -38,25 +38,18 @@ def controller_class(kind: str) -> type[Controller]:
     return cast(type[Controller], CONTROLLERS[kind].controller or SHIPPED[kind])
 
 
-def make_controller(design: Design) -> System:
-    """Make the controller of a design's scenario.
+def make_controller(design: Design) -> tuple[type, System]:
+    """Return class and system of the controller of a design's scenario.
 
     Raises:
         InputError: if a controller of your own fails.
     """
     controller = controller_class(design.scenario.controller.kind)
     with own_code(design, controller):
+        if issubclass(controller, Shipped):
+            return controller, controller.diagram(design)
         # Registered classes derive from both, and their constructor takes a design.
-        return cast("Callable[[Design], System]", controller)(design)
-
-
-def predicts_updates(controller: System) -> bool:
-    """Return whether the class of a controller defines `after_updates` for its own law.
-
-    A class that only inherits it from a shipped controller may have another law.
-    """
-    own: type = type(controller)
-    return own in SHIPPED.values() or "after_updates" in vars(own)
+        return controller, cast("Callable[[Design], System]", controller)(design)
 
 
 def in_errors(design: Design, controller: type) -> str:
@@ -87,7 +80,8 @@ def register_controller(name: str, controller: type[Controller]) -> None:
 
     Args:
         name: its `controller.kind` in scenarios: letters, digits and _.
-        controller: a class that derives from a Drake system and from `Controller`.
+        controller: a class that derives from a Drake system and from `Controller`, or from a
+            shipped controller.
 
     Raises:
         InputError: for a name that is shipped or no name, a class that is no `Controller`, or
@@ -106,11 +100,11 @@ def register_controller(name: str, controller: type[Controller]) -> None:
         raise InputError(f"controller {name!r}: expected a name of letters, digits and _")
     if name in SHIPPED:
         raise InputError(f"controller '{name}': ships with the package, expected another name")
-    is_class = isinstance(controller, type)
-    if not (is_class and issubclass(controller, Controller) and issubclass(controller, System)):
+    is_class = isinstance(controller, type) and issubclass(controller, Controller)
+    if not (is_class and issubclass(controller, (System, Shipped))):
         raise InputError(
             f"controller '{name}': {controller!r}, expected a class that derives from a Drake "
-            "system and from sdt_drake.run.controllers.Controller"
+            "system and from sdt_drake.run.controllers.Controller, or from a shipped controller"
         )
     for one in controller.__mro__:
         if issubclass(one, System) and _declares_first(one):
@@ -136,5 +130,5 @@ def _declares_first(system: type) -> bool:
 __all__ = [
     "SHIPPED", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId",
     "PiScheduled", "controller_class", "in_errors", "make_controller", "own_code",
-    "predicts_updates", "register_controller",
+    "register_controller", "start_controller",
 ]  # fmt: skip

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from sdt_drake.io.arrays import Array, Index
 from sdt_drake.run.controllers.pi import Pi
 from sdt_drake.run.design import Design
-from sdt_drake.systems import PositionLoop
+from sdt_drake.systems import position_loop
 
 
 class PPi(Pi, kind="p_pi"):
@@ -15,9 +14,9 @@ class PPi(Pi, kind="p_pi"):
 
     .. pydrake_system::
 
-        name: PPi
-        input_ports: [reference, sampled_state, state]
-        output_ports: [tau_cmd]
+        name: p_pi
+        input_ports: [reference, sampled_state, measured]
+        output_ports: [tau_fb]
     """
 
     @classmethod
@@ -26,11 +25,12 @@ class PPi(Pi, kind="p_pi"):
         gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
         return f"{super().in_words(design)} in position loops, {gain}"
 
-    def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
-        loop = PositionLoop(position_gain=self._design.position_gain)
+    @classmethod
+    def _add_ahead(
+        cls, builder: DiagramBuilder, design: Design, at: int | None
+    ) -> dict[str, OutputPort]:
+        loop = position_loop(position_gain=design.position_gain)
         builder.AddNamedSystem("position_loop", loop)
-        return {"reference": "speed_reference"}
-
-    def _speed_reference(self, held: Index, q: Array) -> Array:
-        reference = self._design.reference
-        return reference.v[held] + self._design.position_gain * (reference.q[held] - q)
+        builder.ExportInput(loop.GetInputPort("reference"), "reference")
+        builder.ExportInput(loop.GetInputPort("sampled_state"), "sampled_state")
+        return {"reference": loop.get_output_port()}

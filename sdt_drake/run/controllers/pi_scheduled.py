@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
-from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.arrays import Array
+from sdt_drake.motion import Motion
 from sdt_drake.run.controllers.pi import Pi
 from sdt_drake.run.design import Design
-from sdt_drake.systems import GainSchedule
+from sdt_drake.run.feedforward import table_of
+from sdt_drake.systems import gain_schedule
+from sdt_drake.systems.reference import start_table
 
 
 class PiScheduled(Pi, kind="pi_scheduled"):
@@ -15,22 +18,37 @@ class PiScheduled(Pi, kind="pi_scheduled"):
 
     .. pydrake_system::
 
-        name: PiScheduled
-        input_ports: [reference, state]
-        output_ports: [tau_cmd]
+        name: pi_scheduled
+        input_ports: [reference, measured]
+        output_ports: [tau_fb]
     """
 
     @classmethod
     def in_words(cls, design: Design) -> str:
         return f"{super().in_words(design)}, their gains those at the largest inertia"
 
-    def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
+    @classmethod
+    def start(
+        cls, system: Diagram, context: Context, design: Design, tau_fb: Array, start: Motion | None
+    ) -> None:
+        super().start(system, context, design, tau_fb, start)
+        table = system.GetSubsystemByName("inertia_table")
+        start_table(table, system.GetMutableSubsystemContext(table, context))
+
+    @classmethod
+    def _add_ahead(
+        cls, builder: DiagramBuilder, design: Design, at: int | None
+    ) -> dict[str, OutputPort]:
         if at is not None:  # Drake cannot linearise the schedule of a sampled controller
             return {}
-        share = self._design.inertia_share
-        self._add_table(builder, "inertia_table", self._design, inertia_share=share)
-        builder.AddNamedSystem("gain_schedule", GainSchedule(n=self._design.robot.n))
-        return {"reference": "weighted_reference", "state": "weighted_state"}
+        table = table_of(design, inertia_share=design.inertia_share)
+        builder.AddNamedSystem("inertia_table", table)
+        schedule = builder.AddNamedSystem("gain_schedule", gain_schedule(n=design.robot.n))
+        builder.Connect(table.get_output_port(), schedule.GetInputPort("inertia_share"))
+        builder.ExportInput(schedule.GetInputPort("reference"), "reference")
+        builder.ExportInput(schedule.GetInputPort("measured"), "measured")
+        return {x: schedule.GetOutputPort(f"weighted_{x}") for x in ("reference", "measured")}
 
-    def _share(self, held: Index | int) -> Array:
-        return self._design.inertia_share[held]
+    @classmethod
+    def _share(cls, design: Design, sample: int) -> Array:
+        return design.inertia_share[sample]

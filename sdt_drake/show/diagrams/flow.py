@@ -17,7 +17,7 @@ class Flow:
     Args:
         items: items of the frame.
         edges: edges between the items.
-        outputs: blocks with outputs of the diagram.
+        outputs: items with outputs of the diagram.
 
     Attributes:
         ahead: the forward edges.

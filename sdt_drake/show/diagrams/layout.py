@@ -71,7 +71,8 @@ class Layout:
         """Place a frame and its content, the main line at y = 0."""
         within = {block.path: item.path for item in frame.items for block in item.blocks()}
         wires = self._wires(within, len(frame.path))
-        flow = Flow(list(dict.fromkeys(within.values())), wires, self.picture.exported)
+        outputs = {within[path] for path in self.picture.exported if path in within}
+        flow = Flow(list(dict.fromkeys(within.values())), wires, outputs)
         self._mark_fed(flow, wires, within)
         main = flow.main(self._below)
         parts = {

@@ -1,9 +1,9 @@
 """The blocks, signals and frames that a picture of a Drake diagram shows.
 
-Symbols are texts on blocks in place of their names, by the name of a class or base class.
-"Class.name" is a single system in a Diagram of that class. A symbol may also be a function of the
-system. A Diagram with a symbol is drawn as one block and never opened. A system with a symbol gives
-its own name to an output that Drake has named.
+Symbols are texts on blocks in place of their names, by the name of a system, of its class or of a
+base class. "name.inner" is a system in a Diagram of that name. A symbol may also be a function of
+the system. A Diagram with a symbol is drawn as one block and never opened; with the symbol "" it is
+opened without a frame. A system with a symbol gives its own name to an output that Drake has named.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class _Walk:
                 name = f"{_classes(system)[0]}_{index}"
             paths[system] = child = (*path, name)
             self.systems[child] = system
-            keys = [*(f"{kind}.{name}" for kind in _classes(diagram)), *_classes(system)]
+            keys = [f"{diagram.get_name()}.{name}", name, *_classes(system)]
             symbol = next((self.known[key] for key in keys if key in self.known), None)
             self.symbols[child] = symbol(system) if callable(symbol) else symbol
         self.children[path] = list(paths.values())
@@ -142,6 +142,8 @@ class _Walk:
         for system, child in paths.items():
             if isinstance(system, primitives.PassThrough):
                 self.before[child, "out", 0] = child, "in", 0
+            elif isinstance(system, Diagram) and self.symbols[child] == "":
+                self._open(child, depth)
             elif isinstance(system, Diagram) and self.symbols[child] is None and depth > 0:
                 self._open(child, depth - 1)
             elif not isinstance(system, primitives.VectorLogSink):
@@ -245,7 +247,8 @@ class _Walk:
                 inner = self._frame(child, blocks)
                 # A frame around a single block is left out.
                 alone = len(inner.items) == 1 and isinstance(inner.items[0], Block)
-                items += inner.items if alone else [inner] * bool(inner.items)
+                is_bare = alone or self.symbols[child] == ""
+                items += inner.items if is_bare else [inner] * bool(inner.items)
             elif child in blocks:
                 items.append(blocks[child])
         title = self.systems[path].get_name()

@@ -1,0 +1,155 @@
+"""What a loop logs during a run, and the command just after each update of its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import VectorLogSink
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.run.controllers import SHIPPED
+from sdt_drake.run.design import Design
+from sdt_drake.systems import add_meter, arrival
+from sdt_drake.systems.wiring import add_logs
+
+if TYPE_CHECKING:
+    from sdt_drake.run.loop import Loop
+
+_TORQUES = ("tau_cmd", "tau_limited", "tau")
+
+
+def add_run_logs(
+    builder: DiagramBuilder, design: Design, signals: Mapping[str, OutputPort], *, is_planned: bool
+) -> dict[str, VectorLogSink]:
+    """Add the logs of a `Recording`; return their sinks by the name of the signal.
+
+    States are logged at the interpolation period, torques at the integrator's steps.
+    """
+    torques = {name: signals[name] for name in _TORQUES}
+    if design.drive.is_ideal_torque:  # tau is equal, but a block later in each derivative
+        torques["tau"] = signals["tau_limited"]
+    limit = design.robot.motor_torque_limit
+    each_step = {"torques": add_meter(builder, motor_torque_limit=limit, **torques)}
+    if design.envelope is not None:
+        each_step["motor_state"] = signals["motor_state"]
+    if not is_planned:
+        each_step["reference"] = signals["reference"]
+    states = {name: signals[name] for name in ("state", "measured")}
+    sampled = add_logs(builder, states, design.reference.period)
+    return sampled | add_logs(builder, each_step, None)
+
+
+def recorded(loop: Loop, context: Context) -> dict[str, Array]:
+    """Return the logged signals by name, each of shape (samples, size).
+
+    Torques are those just before each update of the drives, or of the reference for continuous
+    drives; the first are those just after the update. "torques" has them side by side at the ends
+    of the integrator's steps, at the times "step_time". An update at which a run stopped has two
+    rows there.
+
+    Args:
+        loop: the loop that was run.
+        context: the context of its diagram.
+    """
+    logs = {
+        name: sink.GetLog(loop.diagram.GetSubsystemContext(sink, context))
+        for name, sink in loop.logs.items()
+    }
+    signals = {name: np.array(log.data().T) for name, log in logs.items()}
+    times = signals["step_time"] = np.array(logs["torques"].sample_times())
+    period = loop.updates[-1]
+    count = round(times[-1] / period) + 1
+    at = np.searchsorted(times, (np.arange(count) - 1e-6) * period)
+    at[0] = np.searchsorted(times, 0.0, "right") - 1
+    torques = np.hsplit(signals["torques"][at], 4)[:3]
+    return signals | dict(zip(_TORQUES, torques, strict=True))
+
+
+# --- the command just after updates ------------------------------------------------------------
+
+
+def update_times(design: Design, delay: float) -> Array:
+    """Return the times of updates of the controller's inputs within a period, from 0 to it [s].
+
+    The period is that of the drives, or of the reference for continuous drives.
+
+    Args:
+        design: the design of the loop.
+        delay: delay of the reference [s].
+    """
+    period = design.drive.period or design.reference.period
+    late = arrival(delay, period)
+    return np.array([0.0, period] if late == 0 else [0.0, late, period])
+
+
+HELD = ("reference", "sampled_state")
+"""Inputs of a controller that change at samples of the reference alone."""
+
+
+def feedthrough(loop: Loop) -> dict[str, Array] | None:
+    """Return D of each held input of the loop's controller, by name; None if there is no such D.
+
+    The command just after an update is the one before + D (u after - u before), if the command is
+    linear in the held inputs u, and nothing else in the controller changes at updates. In sampled
+    drives all inputs are held, and the result is empty. A loop without D stops at each update, to
+    evaluate the command.
+    """
+    if not loop.is_planned or len(loop.updates) > 2:  # external or late
+        return None
+    if loop.owner not in SHIPPED.values():  # your own may have any law
+        return None
+    controller = loop.controller
+    if loop.design.drive.period is not None or not controller.HasInputPort("measured"):
+        return {}
+    context = controller.CreateDefaultContext()
+    if context.num_discrete_state_groups():
+        return None
+    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
+
+    def command(inputs: Mapping[str, Array]) -> Array:
+        for port in ports:
+            port.FixValue(context, inputs.get(port.get_name(), np.zeros(port.size())))
+        return np.array(controller.get_output_port().Eval(context))
+
+    rest = command({})
+    held = {port.get_name(): port.size() for port in ports if port.get_name() in HELD}
+    D = {
+        name: np.array([command({name: unit}) - rest for unit in np.eye(size)]).T
+        for name, size in held.items()
+    }
+    generator = np.random.default_rng(0)
+    inputs = {port.get_name(): generator.normal(size=port.size()) for port in ports}
+    without = {name: np.zeros(size) for name, size in held.items()}
+    change = command(inputs) - command(inputs | without)
+    expected = sum(D[name] @ inputs[name] for name in held)
+    return D if np.allclose(change, expected, rtol=1e-9) else None
+
+
+def after_updates(
+    loop: Loop, D: Mapping[str, Array], tau_cmd: Array, measured: Array, held: Index
+) -> Array:
+    """Return the command just after each update, motor side [N m], shape (M, n).
+
+    Args:
+        loop: the loop that was run.
+        D: the `feedthrough` of its controller.
+        tau_cmd: command just before each of M + 1 updates [N m], shape (M + 1, n).
+        measured: q and v measured at the samples of the reference, joint side [rad, rad/s], shape
+            (N + 1, 2 n); M = N if D is not empty.
+        held: sample of the reference in force after each update, shape (M,).
+    """
+    if not D:
+        return tau_cmd[1:]  # held until the next update
+    design, before = loop.design, np.maximum(np.arange(len(held)) - 1, 0)
+    reference = design.reference
+    values = {
+        "reference": np.hstack([reference.q, reference.v, reference.vd])[held],
+        "sampled_state": measured[:-1],
+    }
+    jump = np.zeros_like(tau_cmd[1:]) if design.tau_ff is None else design.tau_ff[held]
+    for name, gain in D.items():
+        jump = jump + values[name] @ gain.T
+    return tau_cmd[:-1] + jump - jump[before]
