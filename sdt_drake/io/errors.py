@@ -76,16 +76,18 @@ class InputError(ValueError):
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """All problems, in the order in which they were found."""
+        """All problems, in the order in which they were found.
+
+        Of a file or object, those beyond the first `MAX_PROBLEMS` may be without words and place.
+        """
         return self.args
 
     @property
     def lines(self) -> list[str]:
         """The first `MAX_PROBLEMS` problems as text, then the number of the others."""
-        lines = [f"{problem}" for problem in self.problems]
-        if len(lines) > MAX_PROBLEMS:
-            more = f"{len(lines) - MAX_PROBLEMS} more"
-            lines[MAX_PROBLEMS:] = [f"{Problem(more, where=self.problems[0].where)}"]
+        lines = [f"{problem}" for problem in self.problems[:MAX_PROBLEMS]]
+        if more := len(self.problems) - len(lines):
+            lines.append(f"{Problem(f'{more} more', where=self.problems[0].where)}")
         return lines
 
     def __str__(self) -> str:

@@ -42,7 +42,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from sdt_drake.io.errors import InputError, Problem, at_most, dotted, meant
+from sdt_drake.io.errors import MAX_PROBLEMS, InputError, Problem, at_most, dotted, meant
 from sdt_drake.io.resources import beside
 from sdt_drake.io.schema import CONFIG, Schema, adapter, expected, inner, schema_of
 
@@ -52,6 +52,7 @@ Problems = Iterator[tuple[str, str]]
 """Violated rules between fields: the dotted name of a field, and a text."""
 
 _MAX_SHOWN = 60  # characters of a value in messages
+_MAX_MISSING = 1000  # short names of files that are looked for in vain
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # text in YAML 1.1
 
 
@@ -139,9 +140,13 @@ class FileOf:
         if not isinstance(text, str) or folder is None:
             return text
         folder = Path.cwd() if isinstance(text, FromHere) else folder
+        context = cast(dict[str, Any], info.context)
+        if (count := context.get("missing", 0)) == _MAX_MISSING:
+            return text  # the whole object is refused already
         try:
-            return beside(str(text), folder, self.kind)
+            return beside(str(text), folder, self.kind, similar=count < MAX_PROBLEMS)
         except InputError as error:
+            context["missing"] = count + 1
             raise _refused(*error.problems) from None
 
 
@@ -288,11 +293,14 @@ def _made(schema: type[T], data: Any, where: str, context: dict[str, Any]) -> T:
     try:
         return cast(T, adapter(cast(Any, schema)).validate_python(data, context=context))
     except ValidationError as error:
+        errors = error.errors(include_url=False)
         problems = [
             problem._replace(where=": ".join(filter(None, (where, problem.where))))
-            for one in error.errors(include_url=False)
+            for one in errors[:MAX_PROBLEMS]
             for problem in _told(one, schema, is_file="folder" in context)
         ]
+        # The others are only counted, as similar names for each take up to milliseconds.
+        problems += [Problem("another problem", where=where)] * (len(errors) - MAX_PROBLEMS)
     raise InputError(*problems)
 
 

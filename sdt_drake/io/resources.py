@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -41,9 +42,14 @@ def shipped(*kinds: str) -> dict[str, str]:
     >>> shipped("drives")
     {'drives': 'package://sdt/drives.yaml'}
     """
+    found = (_shipped(kind) for kind in kinds if kind in SHIPPED)
+    return {name: reference for files in found for name, reference in files.items()}
+
+
+@cache
+def _shipped(kind: str) -> dict[str, str]:
     models = models_dir()
-    patterns = (SHIPPED[kind] for kind in kinds if kind in SHIPPED)
-    files = (file for pattern in patterns for file in sorted(models.glob(pattern)))
+    files = sorted(models.glob(SHIPPED[kind]))
     return {file.stem: PACKAGE_PREFIX + file.relative_to(models).as_posix() for file in files}
 
 
@@ -56,13 +62,14 @@ def named(text: str | Path, *kinds: str) -> str:
     return shipped(*kinds).get(str(text), str(text))
 
 
-def beside(text: str, folder: Path, *kinds: str) -> str:
+def beside(text: str, folder: Path, *kinds: str, similar: bool = True) -> str:
     """Return a file name of a YAML file as a path that is valid outside of its folder.
 
     Args:
         text: short name, reference or path as written in the file.
         folder: folder of the YAML file, where relative paths start.
         kinds: kinds of files with short names here.
+        similar: search similar names for the message, as `find_file` does.
 
     Raises:
         InputError: an unknown short name.
@@ -70,17 +77,20 @@ def beside(text: str, folder: Path, *kinds: str) -> str:
     if not text or named(text, *kinds).startswith("package://"):
         return text
     if shipped(*kinds) and not _is_path(text):
-        find_file(text, *kinds, base=folder)
+        find_file(text, *kinds, base=folder, similar=similar)
     return str(folder / text)
 
 
-def find_file(text: str | Path, *kinds: str, base: Path | None = None) -> Path:
+def find_file(
+    text: str | Path, *kinds: str, base: Path | None = None, similar: bool = True
+) -> Path:
     """Find a file to be read.
 
     Args:
         text: short name or reference (`package://sdt/...`) of a shipped file, or a path.
         kinds: kinds of files, keys of SHIPPED, with short names here.
         base: folder where relative paths start; the working directory if None.
+        similar: search similar names for the message, which takes milliseconds.
 
     Raises:
         InputError: no such file (the message has similar names and the searched folder), or a
@@ -93,7 +103,7 @@ def find_file(text: str | Path, *kinds: str, base: Path | None = None) -> Path:
     else:
         path = (base or Path()) / meant
     if not os.path.exists(path):  # also false for names that are too long
-        raise InputError(_missing(meant, path, kinds))
+        raise InputError(_missing(meant, path, kinds) if similar else f"{meant}: no such file")
     return checked_input(path)
 
 

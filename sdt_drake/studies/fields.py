@@ -130,10 +130,11 @@ def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> Non
                 raise InputError(f"{file} sets {field} itself; change it in that file", place=name)
 
 
-def field_names() -> list[str]:
+@functools.cache
+def field_names() -> tuple[str, ...]:
     """Return the dotted names of all fields of a scenario; lists without their entries."""
     entries = (entry for part in parts(Scenario) for entry in part.entries)
-    return [entry.name for entry in entries if entry.takes != "a mapping"]
+    return tuple(entry.name for entry in entries if entry.takes != "a mapping")
 
 
 def _unknown(name: str) -> InputError:

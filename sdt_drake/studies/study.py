@@ -192,8 +192,9 @@ class Study(Input):
             with within(f"variables[{i + 1}]"):
                 if any(target.type is ControllerChoice for target in variable.targets):
                     check_labels([*map(str, variable.examples)], "distribution.values")
+                changed = copy.deepcopy(base)  # one for all values, of which there may be many
                 for value in variable.examples:
-                    variable.put(copy.deepcopy(base), value)
+                    variable.put(changed, value)
 
     @property
     def replaced(self) -> list[str]:

@@ -1,6 +1,7 @@
 """The check of fields: every one of every model by its schema, what is told of wrong ones, and the
 rules of a scenario."""
 
+import difflib
 import json
 import math
 import re
@@ -11,17 +12,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sdt_drake.io.errors import MAX_NUMBER, InputError
+from sdt_drake.io.errors import MAX_NUMBER, MAX_PROBLEMS, InputError
 from sdt_drake.io.fields import check, made
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
 from sdt_drake.machine.learn.state import FlightRecord
 from sdt_drake.robot.device import Drive
+from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.show.reference import FILES, SCHEMAS
+from sdt_drake.studies.sizing import load_sizing
 
 FILE = Path("/runs/file.yaml")
+SIZING = """
+{{scenario: coupled_pi, motors: [[AC-203], [TM-3950], [TM-2150], [TM-2150]], motions: [{motions}],
+ controllers: [pi], requirements: {{max_abs_speed_error: [1]}}}}
+"""
 
 
 # --- every field -----------------------------------------------------------------------------
@@ -175,6 +182,32 @@ def test_a_bad_field_of_a_scenario(fields, line):
     with pytest.raises(InputError, match=f"^run: {re.escape(line)}.*$") as error:
         check(scenario("axis_pi", fields), "run", n=4)
     assert len(error.value.problems) == 1
+
+
+MANY = [
+    (load_scenario, "plant: {kind: coupled}\n" + "".join(f"k{k}: 1\n" for k in range(3000)), 2980),
+    (load_catalogue, f"motors: [{'{}, ' * 3000}]", None),
+    (load_sizing, SIZING.format(motions=", ".join(f"m{k}" for k in range(3000))), 980),
+    (load_sizing, SIZING.format(motions=", ".join(f"leans{k}" for k in range(30))), 10),
+]
+
+
+@pytest.mark.parametrize("load, text, more", MANY)
+def test_of_many_mistakes_only_those_that_are_told_cost_time(
+    load, text, more, tmp_path, monkeypatch
+):
+    """A search for similar names takes up to milliseconds, and a small file has 90 000 mistakes."""
+    find, searched = difflib.get_close_matches, []
+    monkeypatch.setattr(
+        difflib, "get_close_matches", lambda *a, **b: searched.append(a) or find(*a, **b)
+    )
+    (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        load(tmp_path / "a.yaml")
+    *told, last = error.value.lines
+    assert len(told) == MAX_PROBLEMS >= len(searched)
+    assert re.fullmatch(rf"{tmp_path}/a.yaml: {more or '[0-9]+'} more", last)
+    assert all("another problem" not in line for line in told)
 
 
 OPEN = ("p_pi", "pi_scheduled")  # kinds that leave the feedforward to the scenario
