@@ -17,7 +17,6 @@ two cores:
 """
 
 import argparse
-import copy
 import json
 import runpy
 from collections.abc import Callable
@@ -117,8 +116,7 @@ def controllers() -> Figure:
 def stability() -> Figure:
     """How fast the loops may be, with elastic joints."""
     design = designed("real_device")
-    cascade = copy.deepcopy(design.scenario)
-    cascade.controller.kind = "p_pi"
+    cascade = design.scenario.changed({"controller.kind": "p_pi"})
     loops = {
         "pi, ideal drive": (design, IDEAL),
         "pi, sampled at 1 ms": (design, design.scenario.drive),
@@ -144,13 +142,11 @@ def identification() -> Figure:
     another pilot, flies exciting.yaml, which `sdt-drake excite` has made; its torques are recorded
     with 1 % of noise.
     """
-    scenario = load_scenario("real_device", {"motion": str(HERE / "exciting.yaml")})
     scales = [1.08, 1.08, 1.08, 1.08, 1.0]
-    scenario.plant.deviation = Deviation(
-        payload_mass=18.0, payload_offset=[0.0, 0.03, 0.0265], link_scales=scales
-    )
-    scenario.controller.model = Deviation()
-    design = make_design(scenario)
+    deviation = Deviation(payload_mass=18.0, payload_offset=[0.0, 0.03, 0.0265], link_scales=scales)
+    changes = {"plant.deviation": deviation, "controller.model": Deviation()}
+    changes["motion"] = str(HERE / "exciting.yaml")
+    design = make_design(load_scenario("real_device", changes))
     device, run = design.robot, simulate(design)
     tau = run.tau_mean * device.gear_ratio
     noise = np.random.default_rng(0).normal(size=tau.shape)
@@ -203,9 +199,7 @@ def sizing(studies: Path) -> Figure:
 @cache
 def flown(motion: str) -> tuple[Design, Recording, Story]:
     """A training motion that ships with the package, simulated."""
-    scenario = load_scenario("package://sdt/scenarios/training.yaml")
-    scenario.motion = motion
-    design = make_design(scenario)
+    design = make_design(load_scenario("training", {"motion": motion}))
     return design, simulate(design), story_of(motion, design.robot, design.motion)
 
 

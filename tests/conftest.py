@@ -211,7 +211,7 @@ def designed(_reference_design):
 
     from sdt_drake.motion import Motion
     from sdt_drake.run.design import make_design
-    from sdt_drake.run.scenario import load_scenario, with_fields
+    from sdt_drake.run.scenario import load_scenario
 
     base = _reference_design
 
@@ -223,7 +223,7 @@ def designed(_reference_design):
 
     def make(name, fields=None, *, start=0.0, end=None, rest=0, motion=None):
         along = motion or (base.motion if end is None else cut(start, end, rest))
-        scenario = with_fields(load_scenario(name), fields or {})
+        scenario = load_scenario(name).changed(fields or {})
         return make_design(scenario, robot=base.nominal, motion=along)
 
     return make

@@ -268,8 +268,7 @@ def test_row_459_runs_away_without_anti_windup():
     assert table.inputs["controller"][459] == "p_pi+id"
     assert worst(table, "max_abs_position_error")[459] > np.radians(360)
     scenario = runner.scenario(459, {key: x[459].item() for key, x in table.inputs.items()})
-    scenario.controller.anti_windup = True
-    scenario.accuracy = COARSE
+    scenario = scenario.changed({"controller.anti_windup": True, "accuracy": COARSE})
     made, _ = runner.design(scenario)
     largest = track(simulate(made), made.motion).max_abs_position_error.max()
     assert np.degrees(largest) == pytest.approx(11.4, abs=0.3)

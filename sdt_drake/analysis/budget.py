@@ -14,7 +14,7 @@ from sdt_drake.io.progress import with_progress
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop, make_loop
-from sdt_drake.run.scenario import Scenario, with_fields
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.run.tuning import Feedforward
 
@@ -54,8 +54,8 @@ def error_budget(design: Design) -> ErrorBudget:
     the load depends on the motion and cannot be removed.
 
     Raises:
-        InputError: the plant is coupled, the inverse dynamics is on-line, or the scenario has a
-            learned reference.
+        InputError: the plant is coupled, the inverse dynamics is on-line, or the design has a
+            learned reference or another feedforward than its controller's own.
     """
     scenario = design.scenario
     if scenario.plant.kind != "axis":
@@ -64,14 +64,17 @@ def error_budget(design: Design) -> ErrorBudget:
             "expected axis",
             place="plant.kind",
         )
-    if scenario.learned:
+    if scenario.learned or design.learned is not None:
         raise InputError("has no part in an error budget; remove it", place="learned")
+    if design.fed is not None:
+        text = "another torque feedforward than the controller's own"
+        raise InputError(f"{text} has no part in an error budget", place="design")
     if scenario.inverse_dynamics != "table":
         raise InputError("online; an error budget requires table", place="inverse_dynamics")
-    smooth = with_fields(scenario, _SMOOTH)
-    if (increments := scenario.drive.encoder_resolution) is not None:
-        smooth.drive.encoder_resolution = [_RESOLUTION_FACTOR * x for x in increments]
-    calm = with_fields(smooth, {"disturbance.amplitude": 0.0})
+    fine = scenario.drive.encoder_resolution
+    fine = None if fine is None else tuple(_RESOLUTION_FACTOR * x for x in fine)
+    smooth = scenario.changed({**_SMOOTH, "drive.encoder_resolution": fine})
+    calm = smooth.changed({"disturbance.amplitude": 0.0})
 
     def exact(scenario: Scenario, fed: Feedforward | None = None) -> Design:
         return replace(design, scenario=replace(scenario, accuracy=_ACCURACY), fed=fed)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -123,7 +122,7 @@ class Comparison(list[Compared], Shown):
 def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
     """Run the scenario of a design with each of several controllers.
 
-    Robot, motion and all other settings stay the same.
+    Robot, motion, a learned reference and all other settings stay the same.
 
         >>> import sdt_drake as sdt
         >>> scenario = sdt.load("package://sdt/scenarios/coupled_pi.yaml")
@@ -138,10 +137,14 @@ def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
             "pi", "p_pi+id".
 
     Raises:
-        InputError: a label is unknown or repeated, or the plant excludes its kind.
+        InputError: a label is unknown or repeated, the plant excludes its kind, or the design has
+            another feedforward than its controller's own.
     """
     check_labels(labels)
     design = as_design(design)
+    if design.fed is not None:
+        text = "has another torque feedforward, which replaces those of the compared controllers"
+        raise InputError(f"{text}; expected a design with its controller's own", place="design")
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
@@ -164,16 +167,23 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     Raises:
         InputError: the label is unknown.
     """
+    return scenario.changed(controller_changes(label))
+
+
+def controller_changes(label: str) -> dict[str, Any]:
+    """Return the fields of a scenario that choose a controller, without options of other kinds.
+
+    Raises:
+        InputError: the label is unknown.
+    """
     kind, feedforward = _parsed(label, "controllers")
-    scenario = copy.deepcopy(scenario)
-    choice = scenario.controller
-    choice.kind = kind
-    choice.feedforward = feedforward
-    for name in set(OPTIONS) - set(CONTROLLERS[kind].options):
-        setattr(choice, name, getattr(ControllerChoice(), name))
-    if choice.feedforward_in_use == "none":
-        choice.feedforward_gain = None
-    return scenario
+    taken = CONTROLLERS[kind].options
+    options = {x.name: x.default for x in fields(ControllerChoice) if x.name in OPTIONS}
+    changes = {name: default for name, default in options.items() if name not in taken}
+    changes |= {"kind": kind, "feedforward": feedforward}
+    if (feedforward or CONTROLLERS[kind].feedforward) == "none":
+        changes["feedforward_gain"] = None
+    return {f"controller.{name}": value for name, value in changes.items()}
 
 
 def check_labels(labels: Sequence[str], where: str = "controllers") -> None:

@@ -237,10 +237,12 @@ def _run(base: Design, case: Case) -> Compared:
 
     On decoupled axes the inertia is the published I_eff,max, or that less its published variation.
     """
-    scenario = load_scenario(f"package://sdt/scenarios/{case.plant}_{case.controller}.yaml")
-    scenario.algorithm = case.algorithm
-    scenario.disturbance.amplitude = case.disturbance_amplitude
+    scenario = load_scenario(
+        f"package://sdt/scenarios/{case.plant}_{case.controller}.yaml",
+        {"algorithm": case.algorithm, "disturbance.amplitude": case.disturbance_amplitude},
+    )
     if case.process == "i_eff_min":
         variation = np.array(paper.table1("variation_percent")) / 100
-        scenario.plant.i_eff = (np.array(scenario.plant.i_eff) * (1 - variation)).tolist()
+        i_eff = np.array(scenario.plant.i_eff) * (1 - variation)
+        scenario = scenario.changed({"plant.i_eff": i_eff})
     return run_of(case.controller, base.variant(scenario))

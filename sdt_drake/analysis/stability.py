@@ -12,7 +12,6 @@ coupled plant, one joint elastic at a time, where its inertia is largest.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -150,31 +149,32 @@ def least_damping(modes: Complex, omega_n: float) -> float:
 
 def _slow_design(design: Design, drive: Drive) -> Design:
     """Return the design at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
-    scenario = copy.deepcopy(design.scenario)
-    scenario.plant.elasticity = Elasticity()
-    if stands_alone(design):
-        scenario.plant.kind = "axis"
-        scenario.plant.i_eff = design.i_eff.tolist()
-    scenario.drive = drive
     slow = _scaled(design.gains, 1 / own_ratio(design, 1.0))
-    choice = scenario.controller
-    choice.kp, choice.ki = slow.kp.tolist(), slow.ki.tolist()
-    choice.omega_r = choice.zeta = None
-    choice.omega_ratio = 0.5  # the default: no other value is accepted with kp and ki
-    return design.variant(scenario)
+    changes = {
+        "plant.elasticity": Elasticity(),
+        "drive": drive,
+        "controller.kp": slow.kp,
+        "controller.ki": slow.ki,
+        "controller.omega_r": None,
+        "controller.zeta": None,
+        "controller.omega_ratio": 0.5,  # the default: no other is accepted with kp and ki
+    }
+    if stands_alone(design):
+        changes |= {"plant.kind": "axis", "plant.i_eff": design.i_eff}
+    return design.variant(design.scenario.changed(changes))
 
 
 def _tuned(slow: Design, omega_n: float) -> Design:
     """Return a design of omega_n = 1 rad/s with gains for another omega_n [rad/s]."""
     gains = _scaled(slow.gains, omega_n)
-    choice = replace(slow.scenario.controller, kp=gains.kp.tolist(), ki=gains.ki.tolist())
-    return replace(slow, scenario=replace(slow.scenario, controller=choice))
+    changes = {"controller.kp": gains.kp, "controller.ki": gains.ki}
+    return replace(slow, scenario=slow.scenario.changed(changes))
 
 
 def _elastic_process(rigid: Design, elasticity: Elasticity, sample: int) -> StateSpace:
     """Return the linear process of a rigid design with elastic joints."""
-    plant = replace(rigid.scenario.plant, elasticity=elasticity)
-    return linear_process(rigid.variant(replace(rigid.scenario, plant=plant)), sample)
+    scenario = rigid.scenario.changed({"plant.elasticity": elasticity})
+    return linear_process(rigid.variant(scenario), sample)
 
 
 def _scaled(gains: SpeedGains, factor: ArrayLike) -> SpeedGains:

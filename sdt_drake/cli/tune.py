@@ -107,17 +107,17 @@ def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str
         omega_r = paper.OMEGA_R
     if zeta is None and _is_shipped(robot):
         zeta = paper.table1("zeta_max")
-    scenario = Scenario(
-        robot=robot,
-        motion=motion,
-        period=period or INTERPOLATION_PERIOD,
-        controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
-    )
     names = {f"controller.{name}": option for name, option in _OPTIONS.items()}
     with (
         common.naming_robot("--robot"),
         common.naming_fields(names | _OPTIONS | {"period": "--period"}),
     ):
+        scenario = Scenario(
+            robot=robot,
+            motion=motion,
+            period=period or INTERPOLATION_PERIOD,
+            controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
+        )
         return sdt.design(scenario)
 
 

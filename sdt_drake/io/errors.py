@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from numbers import Integral, Real
@@ -132,10 +131,6 @@ def dotted(place: str, name: str) -> str:
 def is_within(name: str, field: str) -> bool:
     """Check whether a dotted name is `field`, or a part or entry of it."""
     return name.startswith(field) and name[len(field) :][:1] in ("", ".", "[")
-
-
-PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")
-"""Pattern of one part of a dotted name, with an optional entry counted from 1."""
 
 
 def meant(near: Iterable[str]) -> str:

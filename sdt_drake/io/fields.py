@@ -1,9 +1,9 @@
-"""Models of files: dataclasses whose fields contain their rules, checked by pydantic.
+"""Models of files: frozen dataclasses whose fields contain their rules, checked by pydantic.
 
 Each rule stands once, at its field. It applies to files, to objects made in Python, and to the
 reference:
 
-    @dataclass
+    @dataclass(frozen=True)
     class Drive(Input):
         '''The drive between controller and motor, ideal by default.'''
 
@@ -16,8 +16,8 @@ reference:
             if self.n1 is not None and self.period is None:
                 yield "n1", "needs period"
 
-Python may assign any value to a field; `check` then validates the whole object. Assigning to an
-unknown name fails at once.
+An object is checked once, when it is made: from a file, in Python, or by `changed`. It cannot
+change afterwards: lists become tuples. Only the number of joints is known later: `check_joints`.
 """
 
 import dataclasses
@@ -25,24 +25,25 @@ import difflib
 import functools
 import re
 import typing
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationError,
     ValidationInfo,
+    ValidatorFunctionWrapHandler,
 )
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
 from sdt_drake.io.errors import MAX_PROBLEMS, InputError, Problem, at_most, dotted, meant
+from sdt_drake.io.names import given_fields, put
 from sdt_drake.io.resources import beside
 from sdt_drake.io.schema import CONFIG, Schema, adapter, expected, inner, schema_of
 
@@ -76,31 +77,28 @@ def _number(value: Any, info: ValidationInfo) -> Any:
     return value
 
 
-def _of_each_joint(values: list[T], info: ValidationInfo) -> list[T]:
-    n = (info.context or {}).get("n")
-    if n is not None and values and len(values) != n:
-        raise _refused(Problem(f"{len(values)} value(s)", f"{n}, one for each joint"))
-    return values
-
-
 Number = Annotated[float, BeforeValidator(_number)]
 """A number of at most MAX_NUMBER. Truth values and texts are refused, except 1e3 in a file."""
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_number)]
 NotNegative = Annotated[float, Field(ge=0), BeforeValidator(_number)]
 Whole = Annotated[int, BeforeValidator(_number)]
 Text = Annotated[str, Field(min_length=1)]
-Some = Annotated[list[T], Field(min_length=1)]
+if TYPE_CHECKING:
+    Values = Sequence[T]
+else:
+    Values = list[T]  # pydantic checks a list; objects have a tuple of it
+"""A list in files; any sequence or array in Python."""
+Some = Annotated[Values[T], Field(min_length=1)]
 """A list with at least one entry."""
 Names = Annotated[
-    list[str],
+    Values[str],
     BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
     Field(json_schema_extra={"type": ["array", "string"]}),
 ]
 """A list of texts. A single text is read as a list with one entry."""
 SomeNames = Annotated[Names, Field(min_length=1)]
-EachJointOrNone = Annotated[
-    list[T], AfterValidator(_of_each_joint), Field(json_schema_extra={"per_joint": True})
-]
+_PER_JOINT = Field(json_schema_extra={"per_joint": True})
+EachJointOrNone = Annotated[Values[T], _PER_JOINT]
 """A list with one value for each joint of the robot, or an empty list."""
 EachJoint = Annotated[EachJointOrNone[T], Field(min_length=1)]
 """A list with one value for each joint of the robot."""
@@ -181,26 +179,34 @@ def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: 
     """
     extra: dict[str, Any] = {name: text for name, text in (("unit", unit), ("side", side)) if text}
     if isinstance(default, type):
-        made: dict[str, Any] = {"default_factory": default}
-    elif isinstance(default, list):
-        made, extra["default"] = {"default_factory": functools.partial(list, default)}, default
+        made: dict[str, Any] = {"default_factory": functools.cache(default)}
     else:
         made = {"default": default}
     return dataclasses.field(**made, metadata={"json_schema_extra": extra, **rules})
 
 
 class Input:
-    """Base class of all models. Models are dataclasses."""
+    """Base class of all models. Models are frozen dataclasses; their objects fit their rules."""
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
     __pydantic_config__ = CONFIG
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        fields = self.__dataclass_fields__
-        if name not in fields and not hasattr(type(self), name):
-            text = f"{type(self).__name__} has no field '{name}', {suggestion(name, fields)}"
-            raise AttributeError(text)
-        super().__setattr__(name, value)
+    def __post_init__(self) -> None:
+        _made(type(self), dict(given_fields(self)), _name(self), {}, self)
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """Return a copy with other values of fields.
+
+        Args:
+            changes: values by dotted names: {"controller.kind": "p_pi", "controller.zeta[2]": 0.9}.
+
+        Raises:
+            InputError: with a line for each problem: field, what was found, what is accepted.
+        """
+        return _made(type(self), put(self, changes), _name(self), {})
+
+    def complete(self) -> None:
+        """Fill in fields that follow from others; called once, with valid fields."""
 
     def problems(self) -> Problems:
         """Yield violated rules between fields. Each field by itself is valid then."""
@@ -212,35 +218,29 @@ class Input:
         if schema["type"] != "dataclass":  # the schema already exists
             return cast(CoreSchema, schema)
         ref = schema.pop("ref")  # now refers to the schema with the rules
-        schema["strict"] = False  # accept mappings, too
-        ruled = core_schema.no_info_after_validator_function(_ruled, schema)
-        return core_schema.with_info_before_validator_function(cls._opened, ruled, ref=ref)
+        schema |= {"strict": False, "post_init": False}  # accept mappings, too
+        return core_schema.with_info_wrap_validator_function(cls._read, schema, ref=ref)
 
     @classmethod
-    def _opened(cls, data: Any, info: ValidationInfo) -> dict[str, Any]:
-        """Return the fields of a mapping or object by name."""
+    def _read(cls, data: Any, read: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        """Return the object of a mapping of its fields, or an object itself, which fits already."""
         if type(data) is cls:
-            return dict(given_fields(data))
+            return data
         if data is None and _folder(info):
-            return {}  # a key without a value: "friction:"
-        if not isinstance(data, dict) or not _folder(info):
+            data = {}  # a key without a value: "friction:"
+        if not isinstance(data, dict):
             raise PydanticCustomError("model", "no model")
         tag = data.get("_tag", _tag(cls))
         if tag != _tag(cls):
             raise _refused(Problem(f"unknown kind {tag}", _tag(cls)))
-        return {name: value for name, value in data.items() if name != "_tag"}
+        thing = read({name: _plain(value) for name, value in data.items() if name != "_tag"})
+        vars(thing).update({name: _frozen(value) for name, value in vars(thing).items()})
+        thing.complete()
+        return _ruled(thing)
 
 
 class Variant(Input):
     """Base class of the models that files choose by a tag."""
-
-
-def given_fields(thing: Any) -> Iterator[tuple[str, Any]]:
-    """Yield names and values of the fields of an object, except those left at None."""
-    for field in dataclasses.fields(thing):
-        value = _plain(getattr(thing, field.name))
-        if value is not None or field.default is not None:
-            yield field.name, value
 
 
 def _ruled(thing: Input) -> Input:
@@ -259,18 +259,39 @@ def _ruled(thing: Input) -> Input:
 # --- the check -------------------------------------------------------------------------------
 
 
-def check(thing: object, where: str = "", n: int | None = None) -> None:
-    """Check an object made in Python against the rules of its model.
+def check_joints(thing: Input, where: str | Path, n: int) -> None:
+    """Check that each list with one value for each joint has `n` values.
 
     Args:
-        thing: an instance of a model.
+        thing: an object of a model.
         where: prefix of the messages.
-        n: number of joints of the robot. Without it, lists per joint may have any length.
+        n: number of joints of the robot.
 
     Raises:
-        InputError: one problem for each wrong field: its name, its value, and what is accepted.
+        InputError: one problem for each wrong list.
     """
-    _made(type(thing), thing, where, {"n": n})
+    if problems := [one._replace(where=f"{where}") for one in _miscounted(thing, n)]:
+        raise InputError(*problems)
+
+
+def _miscounted(thing: Input, n: int, prefix: str = "") -> Iterator[Problem]:
+    for name, value in given_fields(thing):
+        if isinstance(value, Input):
+            yield from _miscounted(value, n, f"{prefix}{name}.")
+        elif value and name in _per_joint(cast(Any, type(thing))) and len(value) != n:
+            yield Problem(f"{len(value)} value(s)", f"{n}, one for each joint", prefix + name)
+
+
+@functools.cache
+def _per_joint(model: Any) -> set[str]:
+    """Return the names of the fields with one value for each joint."""
+
+    def is_marked(hint: Any) -> bool:
+        inner = (getattr(hint, "__origin__", None), *typing.get_args(hint))
+        return hint is _PER_JOINT or any(map(is_marked, filter(None, inner)))
+
+    hints = typing.get_type_hints(model, include_extras=True)
+    return {name for name, hint in hints.items() if is_marked(hint)}
 
 
 def made(schema: type[T], data: Any, file: Path) -> T:
@@ -282,16 +303,21 @@ def made(schema: type[T], data: Any, file: Path) -> T:
         file: path of the file; relative paths in it start in its folder.
 
     Raises:
-        InputError: as `check`, and for unknown or missing fields.
+        InputError: one problem for each wrong field: its name, its value, and what is accepted.
     """
     if data is None:
         raise InputError(Problem("empty", expected(schema_of(cast(Any, schema))), where=str(file)))
     return _made(schema, data, str(file), {"folder": file.resolve().parent})
 
 
-def _made(schema: type[T], data: Any, where: str, context: dict[str, Any]) -> T:
+def _made(
+    schema: type[T], data: Any, where: str, context: dict[str, Any], instance: Any = None
+) -> T:
+    """Make an object of a model, or fill the fields of `instance`."""
+    validator = adapter(cast(Any, schema)).validator
     try:
-        return cast(T, adapter(cast(Any, schema)).validate_python(data, context=context))
+        made_ = validator.validate_python(data, context=context, self_instance=instance)
+        return cast(T, made_)
     except ValidationError as error:
         errors = error.errors(include_url=False)
         problems = [
@@ -302,6 +328,13 @@ def _made(schema: type[T], data: Any, where: str, context: dict[str, Any]) -> T:
         # The others are only counted, as similar names for each take up to milliseconds.
         problems += [Problem("another problem", where=where)] * (len(errors) - MAX_PROBLEMS)
     raise InputError(*problems)
+
+
+def _name(thing: Input) -> str:
+    """Return the name of an object in messages: "scenario 'axis_pi'", or "drive" without one."""
+    kind = re.sub(r"\B[A-Z]", r" \g<0>", type(thing).__name__).lower()
+    name = getattr(thing, "name", "")
+    return f"{kind} '{name}'" if name else kind
 
 
 def _refused(*problems: Problem) -> PydanticCustomError:
@@ -351,10 +384,15 @@ def _found(schema: type, names: Iterable[int | str]) -> tuple[str, Schema]:
 
 
 def _plain(data: Any) -> Any:
-    """Convert numbers and arrays of numpy to those of Python."""
+    """Convert tuples and arrays to lists, and numbers of numpy to those of Python."""
     if isinstance(data, np.ndarray | np.generic):
         return data.tolist()
-    return [_plain(value) for value in data] if isinstance(data, list | tuple) else data
+    return [*map(_plain, data)] if isinstance(data, list | tuple) else data
+
+
+def _frozen(data: Any) -> Any:
+    """Convert lists to tuples."""
+    return tuple(map(_frozen, data)) if isinstance(data, list) else data
 
 
 def _shown(value: Any) -> str:
@@ -371,12 +409,12 @@ def _shown(value: Any) -> str:
 
 def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield dotted names and values of all fields that differ from their defaults."""
-    default = type(thing)()
-    for name, value in given_fields(thing):
-        if dataclasses.is_dataclass(value):
-            yield from given(value, f"{prefix}{name}.")
-        elif value != getattr(default, name):
-            yield prefix + name, value
+    for field in dataclasses.fields(thing):
+        value = getattr(thing, field.name)
+        if isinstance(value, Input):
+            yield from given(value, f"{prefix}{field.name}.")
+        elif value != field.default:
+            yield prefix + field.name, value
 
 
 def unknown(place: str, name: str, known: Collection[str]) -> Problem:

@@ -9,9 +9,10 @@ from typing import Any, TypeVar
 
 import yaml
 
-from sdt_drake.io.errors import PART, InputError, one_line, within
-from sdt_drake.io.fields import FromHere, Input, Variant, given_fields, made
+from sdt_drake.io.errors import InputError, one_line, within
+from sdt_drake.io.fields import FromHere, Input, Variant, made
 from sdt_drake.io.files import has_control_characters, read_text, write_text
+from sdt_drake.io.names import given_fields, put
 from sdt_drake.io.resources import a_kind, find_file
 
 T = TypeVar("T")
@@ -27,7 +28,7 @@ _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
 def load_yaml(
     schema: type[T], path: str | Path, kind: str = "", changes: Mapping[str, Any] | None = None
 ) -> tuple[T, Path]:
-    """Read an object of a model from a YAML file.
+    """Read an object of a model from a YAML file. Its `name`, if it has one, is that of the file.
 
     Args:
         schema: the model, see `sdt_drake.io.fields`.
@@ -49,8 +50,10 @@ def load_yaml(
         )
     data = read_yaml(file)
     _refuse_others(data, path, kind)
-    for name, value in (changes or {}).items():
-        _put(data, name, _from_here(value))
+    if isinstance(data, dict):
+        data = put(data, _from_here(changes or {}))
+        if hasattr(schema, "name") and data.get("name", "") == "":
+            data["name"] = file.stem
     return made(schema, data, file), file
 
 
@@ -76,35 +79,11 @@ def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
 
 def _from_here(value: Any) -> Any:
     """Mark the paths in a value as relative to the working directory."""
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {name: _from_here(entry) for name, entry in value.items()}
-    if isinstance(value, list):
-        return [_from_here(entry) for entry in value]
+    if isinstance(value, list | tuple):
+        return type(value)(map(_from_here, value))
     return FromHere(value) if isinstance(value, str) else value
-
-
-def _put(data: Any, name: str, value: Any) -> None:
-    """Set the field of a dotted name, and create missing mappings on its way."""
-    *parents, last = (PART.fullmatch(part) for part in name.split("."))
-    wrong = InputError("expected the dotted name of a field, 'controller.kind'", place=name)
-    for part in parents:
-        if part is None or part[2] is not None or not isinstance(data, dict):
-            raise wrong
-        if data.get(part[1]) is None:
-            data[part[1]] = {}
-        data = data[part[1]]
-    if last is None or not isinstance(data, dict):
-        raise wrong
-    if last[2] is None:
-        data[last[1]] = value
-        return
-    entries, k = data.get(last[1]), int(last[2])
-    if not isinstance(entries, list) or k > len(entries):
-        count = len(entries) if isinstance(entries, list) else 0
-        expected = f"[1] to [{count}], or the whole list" if count else "the whole list"
-        text = f"the file has {count or 'no'} entries there, expected {expected}"
-        raise InputError(text, place=name)
-    data[last[1]] = [*entries[: k - 1], value, *entries[k:]]
 
 
 def parse_yaml(text: str) -> Any:
@@ -147,10 +126,13 @@ def write_yaml(path: str | Path, thing: object) -> None:
     write_text(Path(path), yaml_text(thing))
 
 
-def yaml_text(thing: object) -> str:
-    """Return an object of a model as YAML, without the fields left at None."""
+def yaml_text(thing: object, changes: Mapping[str, Any] | None = None) -> str:
+    """Return an object of a model as YAML, without the fields left at None.
+
+    `changes` are other values by dotted names. They are not checked: files may not exist here.
+    """
     return yaml.dump(
-        thing,
+        put(thing, changes or {}),
         Dumper=_Writer,
         sort_keys=False,
         allow_unicode=True,

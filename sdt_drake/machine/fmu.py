@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import tempfile
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from sdt_drake.io.errors import InputError, checked_choice, needing
 from sdt_drake.io.files import replacing, write_text
+from sdt_drake.io.names import value_of
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file
 from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
@@ -77,25 +77,20 @@ def open_loop(design: Design, inputs: str) -> Loop:
 
 def _with_files(scenario: Scenario, folder: Path) -> Iterator[Path]:
     """Write a scenario and copies of the files that it names; yield the paths."""
-    scenario = copy.deepcopy(scenario)
-    for k, (owner, field) in enumerate(file_fields(scenario)):
-        text = getattr(owner, field)
+    changes = {}
+    for k, field in enumerate(FILE_FIELDS):
+        text = value_of(scenario, field)
         if text and not text.startswith(PACKAGE_PREFIX):
             file = find_file(text)
             place = folder / f"{k}_{file.name}"
             place.write_bytes(file.read_bytes())
-            setattr(owner, field, place.name)
+            changes[field] = place.name
             yield place
-    yield write_text(folder / SCENARIO, yaml_text(scenario))
+    yield write_text(folder / SCENARIO, yaml_text(scenario.changed(changes)))
 
 
-def file_fields(scenario: Scenario) -> list[tuple[object, str]]:
-    """Return the fields of a scenario that name a data file, as pairs of owner and field name."""
-    return [
-        (scenario, "robot"),
-        (scenario, "motion"),
-        (scenario, "learned"),
-        (scenario.device, "catalogue"),
-        (scenario.plant.deviation, "spread"),
-        (scenario.controller.model, "spread"),
-    ]
+FILE_FIELDS = (
+    "robot", "motion", "learned", "device.catalogue", "plant.deviation.spread",
+    "controller.model.spread",
+)  # fmt: skip
+"""Fields of a scenario that name a data file."""

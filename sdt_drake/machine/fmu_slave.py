@@ -75,8 +75,8 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.description = f"{design.scenario.name}: the loop of sdt_drake {here}"
         self.default_experiment = DefaultExperiment(0.0, design.motion.duration, self._period)
 
-        first, self._friction = design.motion.q[0], self._scenario.plant.friction
-        friction = friction_parameters(self._friction, n)
+        first = design.motion.q[0]
+        friction = friction_parameters(self._scenario.plant.friction, n)
         self._parameters = {
             "payload_mass": np.array([self._scenario.plant.deviation.payload_mass]),
             "viscous_friction": np.array(friction.viscous),
@@ -133,12 +133,13 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def _begin(self) -> None:
         """Build the loop with the parameters and start it at rest."""
-        plant, parameters = self._scenario.plant, self._parameters
-        plant.deviation.payload_mass = float(parameters["payload_mass"][0])
-        plant.friction = _changed(
-            self._friction, parameters["viscous_friction"], parameters["coulomb_friction"]
-        )
-        design = make_design(self._scenario, motion=self._design.wanted)
+        parameters, friction = self._parameters, self._scenario.plant.friction
+        b, f_c = parameters["viscous_friction"], parameters["coulomb_friction"]
+        changes = {
+            "plant.deviation.payload_mass": parameters["payload_mass"][0],
+            "plant.friction": _changed(friction, b, f_c),
+        }
+        design = make_design(self._scenario.changed(changes), motion=self._design.wanted)
         self._loop = open_loop(design, self._given)
         self._simulator = make_simulator(
             self._loop.diagram, period=self._period, accuracy=design.scenario.accuracy

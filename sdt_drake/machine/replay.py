@@ -26,7 +26,7 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.motor_torque import envelope
-from sdt_drake.run.scenario import Scenario, with_fields
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.systems import sample_source
 
@@ -226,7 +226,7 @@ def _cases(plain: Design, tau_ff: Array | None) -> dict[str, Design]:
 
     cases = {AS_IT_IS: fed(plain)}
     for label, fields in _SWITCHES.items():
-        scenario = with_fields(plain.scenario, fields)
+        scenario = plain.scenario.changed(fields)
         if scenario != plain.scenario:
             cases[label] = fed(plain.variant(scenario))
     if tau_ff is not None:

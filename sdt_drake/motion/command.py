@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, retelling, within
-from sdt_drake.io.fields import check
+from sdt_drake.io.fields import check_joints
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
 from sdt_drake.motion.segments import Given, Ramp, Segment, Swing, Turn
@@ -163,9 +163,8 @@ def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -
     """
     where = where or f"motion '{profile.name}'"
     with within(where):
-        # The fields were checked when the file was read; only the number of joints is new.
         with retelling(lambda problem: problem._replace(kind="joints")):
-            check(profile, n=robot.n)
+            check_joints(profile, "", robot.n)
         return _command(profile, robot)
 
 

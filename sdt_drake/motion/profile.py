@@ -18,6 +18,7 @@ from sdt_drake.io.fields import (
     Some,
     Tagged,
     Text,
+    Values,
     setting,
 )
 from sdt_drake.io.resources import shipped
@@ -25,7 +26,7 @@ from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.motion.segments import Fourier, Hold, Knots, Oscillation, Ramp, Sampled, Turn, either
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Resultant(Input):
     """The joints that make a commanded G."""
 
@@ -38,7 +39,7 @@ class Resultant(Input):
     little at the end of a ramp."""
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Track(Input):
     """The segments of one joint or of a commanded G, in order. The speed is held in gaps."""
 
@@ -81,7 +82,7 @@ FELT_QUANTITIES = ("roll", "pitch", "roll rate", "pitch rate", "yaw rate")
 """Quantities of an illusion: angles of the head from the true vertical, rates about its axes."""
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class IntendedIllusion(Input):
     """The illusion that a motion should give: an error of the felt motion between two times."""
 
@@ -104,7 +105,7 @@ class IntendedIllusion(Input):
             yield "end", f"{self.end:g} s, expected more than start, {self.start:g} s"
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class MotionProfile(Input):
     """The commanded speeds of the joints, with the illusion that they should give."""
 
@@ -126,10 +127,10 @@ class MotionProfile(Input):
     """Joint angles at the start, base to tip; 0 by default."""
     q0: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
     """Joint angles at the start in rad; alternative to start_deg."""
-    tracks: list[Track] = setting([])
+    tracks: Values[Track] = setting(())
     """Tracks of the joints that move; other joints stay at their start angles."""
     joints: EachJointOrNone[Annotated[Knots | Sampled | Oscillation | Fourier, Tagged()]] = setting(
-        []
+        ()
     )
     """One segment for each joint, base to tip; alternative to tracks."""
 
@@ -159,9 +160,7 @@ def load_profile(path: str | Path) -> MotionProfile:
     >>> load_profile("leans").illusion.quantity
     'roll'
     """
-    profile, file = load_yaml(MotionProfile, path, "motion")
-    profile.name = profile.name or file.stem
-    return profile
+    return load_yaml(MotionProfile, path, "motion")[0]
 
 
 def shipped_motions() -> list[str]:

@@ -20,6 +20,7 @@ from sdt_drake.io.fields import (
     Positive,
     Problems,
     Some,
+    Values,
     Variant,
     setting,
 )
@@ -39,7 +40,7 @@ _SAMPLES_PER_SWING = 16  # to check what an interpolation period loses of it
 _DIGITS = 1e-6  # relative round-off of numbers in a file
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Segment(Variant, ABC):
     """The speed of a joint, or a commanded G, over an interval."""
 
@@ -69,7 +70,7 @@ class Segment(Variant, ABC):
         return type(self).__name__.lower()
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Hold(Segment):
     """A constant speed."""
 
@@ -81,7 +82,7 @@ class Hold(Segment):
         return [(self.duration, speed)]
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Ramp(Segment):
     """A change from the present speed to another one."""
 
@@ -119,7 +120,7 @@ class Ramp(Segment):
         return f"to {target}, {self.blend}"
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Turn(Segment):
     """A turn of the joint from rest to rest."""
 
@@ -175,11 +176,11 @@ class Given(Segment):
         return self.points()[1:]
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Knots(Given):
     """A piecewise-linear speed."""
 
-    knots: Some[list[Number]] = setting(unit="s, rad/s", side="joint")
+    knots: Some[Values[Number]] = setting(unit="s, rad/s", side="joint")
     """Pairs of time since the start of the segment, from 0, and speed."""
 
     def problems(self) -> Problems:
@@ -199,7 +200,7 @@ class Knots(Given):
         return [(time, v) for time, v in self.knots]
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Sampled(Given):
     """A speed sampled at equal periods, linear between the samples."""
 
@@ -241,7 +242,7 @@ class Swing(Segment):
         return [(self.end, 0.0)]
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Oscillation(Swing):
     """The speed of a sinusoidal angle A sin(2 pi t / T), faded in and out.
 
@@ -283,7 +284,7 @@ class Oscillation(Swing):
         return float(half @ self.speed(middle[:, None] + half[:, None] * nodes) @ weights)
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Fourier(Swing):
     """A sum of harmonics over whole periods.
 

@@ -11,7 +11,16 @@ import numpy as np
 from pydantic import Field
 
 from sdt_drake.io.errors import InputError, at
-from sdt_drake.io.fields import FileOf, Input, Number, Positive, Problems, Some, setting
+from sdt_drake.io.fields import (
+    FileOf,
+    Input,
+    Number,
+    Positive,
+    Problems,
+    Some,
+    Values,
+    setting,
+)
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.robot.parsed import parts_of
@@ -31,7 +40,7 @@ from sdt_drake.robot.sdf import (
 _PAYLOAD = "payload"  # default name; such a link is needed only if the payload changes
 
 
-@dataclass
+@dataclass(frozen=True)
 class Deviation(Input):
     """Deviations of the links from the robot's file.
 
@@ -44,7 +53,7 @@ class Deviation(Input):
     file."""
     payload_mass: Number = setting(0.0, unit="kg")
     """Mass added to the link. Its inertia scales with its mass."""
-    payload_offset: list[Number] = setting([0.0, 0.0, 0.0], min_length=3, max_length=3, unit="m")
+    payload_offset: Values[Number] = setting((0.0, 0.0, 0.0), min_length=3, max_length=3, unit="m")
     """Shift of the link's centre of mass, in the frame of the link."""
     inertia_scale: Positive = setting(1.0, unit="-")
     """Factor on masses and inertias of all links, applied after the payload's change. The links'
@@ -65,8 +74,8 @@ class Deviation(Input):
     @property
     def exact(self) -> bool:
         """True if nothing deviates."""
-        scales = [self.inertia_scale, *(self.link_scales or [])]
-        changed = self._changes_payload or any(self.along or [])
+        scales = [self.inertia_scale, *(self.link_scales or ())]
+        changed = self._changes_payload or any(self.along or ())
         return not changed and all(scale == 1 for scale in scales)
 
     @property
@@ -75,7 +84,7 @@ class Deviation(Input):
         return self.payload_mass != 0 or any(x != 0 for x in self.payload_offset)
 
 
-_made: WeakKeyDictionary[Robot, WeakValueDictionary[str, Robot]] = WeakKeyDictionary()
+_made: WeakKeyDictionary[Robot, WeakValueDictionary[Deviation, Robot]] = WeakKeyDictionary()
 
 
 def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Robot:
@@ -102,12 +111,12 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
             link_named(parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
     if deviation.exact:
         return robot
-    known, key = _made.setdefault(robot, WeakValueDictionary()), repr(deviation)
-    made = known.get(key)
+    known = _made.setdefault(robot, WeakValueDictionary())
+    made = known.get(deviation)
     if made is None:
         with at(where):
             made = edited(robot, lambda root: _apply(deviation, robot, root))
-        known[key] = made
+        known[deviation] = made
     return made
 
 
@@ -120,7 +129,7 @@ def _apply(deviation: Deviation, robot: Robot, root: ET.Element) -> None:
         _add_mass(payload, deviation.payload_mass)
         shift_link(payload, deviation.payload_offset)
     links = links_by_name(root)
-    scales = deviation.link_scales or [1.0] * len(links)
+    scales = deviation.link_scales or (1.0,) * len(links)
     if len(scales) != len(links):
         each = f"{len(links)}, one for each of {', '.join(links)}"
         raise InputError(f"{len(scales)} value(s), expected {each}", place="link_scales")

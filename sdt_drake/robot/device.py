@@ -1,5 +1,6 @@
 """Drives, elastic joints and friction: deviations of a real device from an ideal one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -28,7 +29,7 @@ MIN_PERIOD = 125e-6
 """Shortest drive period [s]: the speed loop of SINAMICS S120, servo control at 4 kHz."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Drive(Input):
     """The drives between the controller's law and the motors' torque.
 
@@ -76,7 +77,7 @@ class Drive(Input):
         if (self.n1 is None) != (self.n0 is None):
             yield "n1" if self.n1 is None else "n0", "missing, expected n1 and n0 or neither"
         elif self.n1 and self.n0 and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
-            yield "n0", f"{self.n0}, expected more than n1, {self.n1}, everywhere"
+            yield "n0", f"{[*self.n0]}, expected more than n1, {[*self.n1]}, everywhere"
 
 
 # --- elastic joints: a spring and a damper between each motor and its link -------------------
@@ -84,11 +85,11 @@ class Drive(Input):
 ENCODERS = ("motor", "link")
 
 
-@dataclass
+@dataclass(frozen=True)
 class Elasticity(Input):
     """Elastic joints, given by their natural frequencies."""
 
-    natural_frequency: EachJointOrNone[NotNegative] = setting([], unit="rad/s")
+    natural_frequency: EachJointOrNone[NotNegative] = setting((), unit="rad/s")
     """Natural frequency of each link against its motor at a standstill, with the other joints held.
     It applies where the motion has its largest inertia, without deviations. 0: a rigid joint. All
     joints are rigid by default."""
@@ -160,7 +161,7 @@ PRESLIDING_DAMPING_TIME = 0.005
 """T, damping of a sticking joint divided by its stiffness [s]; assumed."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Friction(Input):
     """Friction of the joints, **joint side**, none by default. Lists have one value per joint."""
 
@@ -185,7 +186,7 @@ class Friction(Input):
         return self.coulomb is self.viscous is self.breakaway is self.offset is None
 
     def problems(self) -> Problems:
-        largest, sliding = self.breakaway or [], self.coulomb or []
+        largest, sliding = [*(self.breakaway or ())], [*(self.coulomb or ())]
         if any(b < c for b, c in zip(largest, sliding, strict=False)):
             yield "breakaway", f"{largest}, expected at least coulomb, {sliding}"
 
@@ -205,7 +206,7 @@ class FrictionParameters:
 def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
     """Return the friction of n joints as arrays, with all defaults."""
 
-    def filled(values: list[float] | None, default: Array) -> Array:
+    def filled(values: Sequence[float] | None, default: Array) -> Array:
         return default if values is None else np.array(values, dtype=float)
 
     coulomb = filled(friction.coulomb, np.zeros(n))

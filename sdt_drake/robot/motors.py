@@ -39,7 +39,7 @@ MOTOR_KINDS = ("torque motor", "geared motor")
 _RPM = 2 * pi / 60  # rad/s
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Motor(Input):
     """A motor with its gearbox, if any; **motor side**."""
 
@@ -97,7 +97,7 @@ class Motor(Input):
         return self.kind != "torque motor" or gear_ratio == 1
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Catalogue(Input):
     """A catalogue of motors."""
 
@@ -145,7 +145,7 @@ def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
 # --- the chosen device -----------------------------------------------------------------------
 
 
-@dataclass
+@dataclass(frozen=True)
 class DeviceChoice(Input):
     """Motors, gears and structure of the device that differ from the robot file.
 
@@ -155,7 +155,7 @@ class DeviceChoice(Input):
     `drive` of the scenario has n1 and n0. Springs of `plant.elasticity` keep their frequencies.
     """
 
-    motors: EachJointOrNone[str] = setting([])
+    motors: EachJointOrNone[str] = setting(())
     """Ids of motors in the catalogue; "" keeps the motor of the robot file. All are kept by
     default."""
     gear_ratio: EachJoint[Positive] | None = setting(None, unit="-")
@@ -168,7 +168,7 @@ class DeviceChoice(Input):
     """Name of the link that does not belong to the structure; "" if all links do."""
     stiffness_exponent: NotNegative = setting(1.0, unit="-")
     """p: the stiffness of the structure changes by s^p. 1: walls of the same outline (assumed)."""
-    fitted: EachJointOrNone[str] = setting([])
+    fitted: EachJointOrNone[str] = setting(())
     """Ids of the motors whose mass the robot file already includes; "" for none."""
     catalogue: Annotated[Text, FileOf("motors")] = DEFAULT_CATALOGUE
     """File of the motors, relative to the scenario's folder, or the name of a shipped file."""

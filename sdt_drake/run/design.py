@@ -11,7 +11,7 @@ import numpy as np
 from sdt_drake.io.arguments import a, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, within
-from sdt_drake.io.fields import check
+from sdt_drake.io.fields import check_joints
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_plan
 from sdt_drake.robot.deviation import deviated
@@ -272,7 +272,7 @@ class Design(Shown):
             InputError: if the inputs do not fit each other.
         """
         scenario = self.scenario
-        check(scenario, _name(scenario), self.nominal.n)
+        check_joints(scenario, _name(scenario), self.nominal.n)
         with within(_name(scenario)):
             robot, _ = self.robot, self.model
             if self.learned_torque is not None and scenario.inverse_dynamics != "table":
@@ -285,12 +285,12 @@ class Design(Shown):
         return self
 
     def variant(self, scenario: Scenario) -> Design:
-        """Return the design of another scenario for the same device and planned motion.
+        """Return the design of another scenario for the same device, motion and learned reference.
 
         Raises:
             InputError: if the scenario does not fit them.
         """
-        return Design(scenario, self.nominal, self.wanted).checked()
+        return replace(self, scenario=scenario).checked()
 
     def assuming(self, **changes: Any) -> Design:
         """Return this design with other `Assumptions`.
@@ -307,7 +307,7 @@ class Design(Shown):
         Raises:
             InputError: if it was learned from another motion, or exceeds a limit.
         """
-        return Design(self.scenario, self.nominal, self.wanted, learned).checked()
+        return replace(self, learned=learned).checked()
 
     def with_feedforward(self, tau_ff: Array) -> Design:
         """Return this design with another torque feedforward instead of the controller's own.
@@ -342,7 +342,7 @@ def make_design(
     """Load the robot of a scenario, plan its motion, and check that the loop can be simulated.
 
     Args:
-        scenario: the scenario; it is checked again, as Python code may have changed it.
+        scenario: the scenario.
         robot: the chosen device without deviations; loaded by default. `scenario.device` is not
             applied to it again.
         motion: the planned motion; planned for `robot` by default.
@@ -359,7 +359,7 @@ def make_design(
     """
     checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     robot = robot or load_device(scenario)
-    check(scenario, _name(scenario), robot.n)
+    check_joints(scenario, _name(scenario), robot.n)
     if motion is None:
         with within(_name(scenario)):  # before the motion is planned, which takes longer
             deviated(robot, scenario.plant.deviation, "plant.deviation")
@@ -391,7 +391,7 @@ def load_device(scenario: Scenario) -> Robot:
         InputError: if the robot cannot be used, or fields of the scenario do not fit it.
     """
     robot = load_robot(scenario.robot)
-    check(scenario, _name(scenario), robot.n)
+    check_joints(scenario, _name(scenario), robot.n)
     with within(_name(scenario)):
         return chosen_robot(robot, scenario.device)
 

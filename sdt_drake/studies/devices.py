@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
@@ -30,19 +30,16 @@ def devices_of(design: Design, study: Study, base: Scenario, draws: int) -> list
         raise InputError(
             f"{study.name}: variables: vary only the controller, expected a field of the plant"
         )
-    scenario = copy.deepcopy(design.scenario)
-    scenario.learned = ""
-    if scenario.plant.deviation.exact:
-        scenario.plant.deviation = base.plant.deviation
-    if scenario.plant.friction.is_none:
-        scenario.plant.friction = base.plant.friction
+    plant, changes = design.scenario.plant, dict[str, Any](learned="")
+    if plant.deviation.exact:
+        changes["plant.deviation"] = base.plant.deviation
+    if plant.friction.is_none:
+        changes["plant.friction"] = base.plant.friction
+    scenario, unlearned = design.scenario.changed(changes), replace(design, learned=None)
     uncertain = replace(study, variables=fixed, accuracy=scenario.accuracy)
     uncertain.validate(scenario)
-    count = min(len(uncertain), draws)
-    return [
-        design.variant(uncertain.scenario_of(scenario, uncertain.inputs(row)))
-        for row in range(count)
-    ]
+    rows = map(uncertain.inputs, range(min(len(uncertain), draws)))
+    return [unlearned.variant(scenario.changed(uncertain.changes(scenario, row))) for row in rows]
 
 
 def _is_of_controller(targets: Sequence[object]) -> bool:

@@ -20,7 +20,7 @@ MAX_RUNS = 10_000_000
 _FIELD_UNIT = "of the field"
 
 
-@dataclass
+@dataclass(frozen=True)
 class Uniform(Variant):
     """A uniform distribution between low and high."""
 
@@ -38,7 +38,7 @@ class Uniform(Variant):
         return stats.uniform(self.low, self.high - self.low).ppf(share)
 
 
-@dataclass
+@dataclass(frozen=True)
 class LogUniform(Variant):
     """A distribution whose logarithm is uniform between those of low and high."""
 
@@ -56,7 +56,7 @@ class LogUniform(Variant):
         return stats.loguniform(self.low, self.high).ppf(share)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Normal(Variant):
     """A normal distribution, truncated at low and high if they are given."""
 
@@ -92,7 +92,7 @@ class Normal(Variant):
         return stats.truncnorm(low, high, self.mean, self.std).ppf(share)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Grid(Variant):
     """Equally spaced values, all of which are run."""
 
@@ -120,7 +120,7 @@ class _Listed(Variant):
 
     def problems(self) -> Problems:
         if len(set(self.values)) < len(self.values):
-            yield "values", f"{self.values} has a value twice, expected each once"
+            yield "values", f"{[*self.values]} has a value twice, expected each once"
         for value in self.values:
             yield from text_problems("values", value)
 
@@ -132,7 +132,7 @@ class _Listed(Variant):
         return list(self.values)
 
 
-@dataclass
+@dataclass(frozen=True)
 class List(_Listed):
     """A list of numbers, all of which are run."""
 
@@ -140,7 +140,7 @@ class List(_Listed):
     """Numbers, each listed once."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Choice(_Listed):
     """A list of texts, all of which are run."""
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.io.errors import PART, InputError, is_within
+from sdt_drake.io.errors import InputError, is_within
 from sdt_drake.io.fields import suggestion
+from sdt_drake.io.names import parts_of, value_of
 from sdt_drake.io.schema import inner, parts, schema_of
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 
@@ -24,8 +25,6 @@ class Field:
 
     name: str
     """Dotted name; entries of lists are counted from 1: "controller.kp[2]"."""
-    parts: tuple[str, ...]
-    """Names of the attributes from the scenario to the field."""
     entry: int | None
     """Index of the entry in the list, from 0; None for the whole field."""
     type: type
@@ -43,31 +42,32 @@ class Field:
             return [find_field(f"{self.name}.{part}") for part in ("kind", "feedforward")]
         return [self]
 
-    def get(self, scenario: Scenario) -> Any:
-        """Return the scenario's value of the field; the whole list for an entry of one."""
-        return getattr(self._owner(scenario), self.parts[-1])
+    @property
+    def whole(self) -> str:
+        """Dotted name of the field without its entry."""
+        return self.name.partition("[")[0]
 
-    def put(self, scenario: Scenario, value: Value, apply: str = "value") -> None:
-        """Set the field to a value, multiply it by the value ("factor"), or add it ("offset").
+    def changed(self, scenario: Scenario, value: Value, apply: str = "value") -> Any:
+        """Return a value, the field multiplied by it ("factor"), or the field plus it ("offset").
 
         In a list, every entry is changed.
 
         Raises:
             InputError: if the scenario has no such list or entry, or no number to scale or shift.
         """
-        old = self.get(scenario)
+        old = value_of(scenario, self.whole)
         if self.entry is None and not self.many:
-            setattr(self._owner(scenario), self.parts[-1], self._changed(old, value, apply))
-            return
+            return self._changed(old, value, apply)
         if not old:
             raise InputError("empty in the base scenario; add the list there", place=self.name)
-        if self.entry is not None and self.entry >= len(old):
+        if self.entry is None:
+            return [self._changed(one, value, apply) for one in old]
+        if self.entry >= len(old):
             raise InputError(
                 f"the base scenario's list has {len(old)} value(s), expected an entry of it",
                 place=self.name,
             )
-        for i in range(len(old)) if self.many else [self.entry]:
-            old[i] = self._changed(old[i], value, apply)
+        return self._changed(old[self.entry], value, apply)
 
     def _changed(self, old: Any, value: Value, apply: str) -> Value:
         if apply == "value":
@@ -79,9 +79,6 @@ class Field:
             )
         return old * value if apply == "factor" else old + value
 
-    def _owner(self, scenario: Scenario) -> Any:
-        return functools.reduce(getattr, self.parts[:-1], scenario)
-
 
 @functools.cache
 def find_field(name: str) -> Field:
@@ -91,26 +88,19 @@ def find_field(name: str) -> Field:
         InputError: for an unknown name (with similar ones), or the name of a group of fields.
     """
     top = node = schema_of(Scenario)
-    attributes: list[str] = []
-    entry, many = None, False
-    for part in name.split("."):
-        match = PART.fullmatch(part)
-        if match is None or entry is not None or match[1] not in node.get("properties", ()):
+    parts = parts_of(name)
+    for part, _ in parts:
+        if part not in node.get("properties", ()):
             raise _unknown(name)
-        attributes.append(match[1])
-        node = inner(node["properties"][match[1]], top)
-        many = "items" in node
-        if match[2] is not None:
-            if not many:
-                raise InputError(
-                    f"{match[1]} is not a list, expected it without [{match[2]}]", place=name
-                )
-            entry, many = int(match[2]) - 1, False
+        node = inner(node["properties"][part], top)
+    (last, entry), many = parts[-1], "items" in node
+    if entry is not None and not many:
+        raise InputError(f"{last} is not a list, expected it without [{entry + 1}]", place=name)
     if "properties" in node and name != "controller":
         fields = ", ".join(f"{name}.{field}" for field in node["properties"])
         raise InputError(f"a group of fields, expected one of {fields}", place=name)
     kind = ControllerChoice if name == "controller" else _TYPES[node.get("items", node)["type"]]
-    return Field(name, tuple(attributes), entry, kind, many, node.get("file", ""))
+    return Field(name, entry, kind, many and entry is None, node.get("file", ""))
 
 
 def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> None:

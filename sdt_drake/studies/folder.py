@@ -18,7 +18,7 @@ from sdt_drake.io.files import alone_in, checked_input, write_text
 from sdt_drake.io.versions import other_versions, versions
 from sdt_drake.io.yaml_files import parse_yaml, read_yaml, yaml_text
 from sdt_drake.studies.job import Job, places_of
-from sdt_drake.studies.runs import Runner, with_files
+from sdt_drake.studies.runs import Runner, moved
 from sdt_drake.studies.store import DATABASE, RESULTS, ROWS_OF_0_3, Store, create
 from sdt_drake.studies.study import Study, load_study, read_study
 
@@ -98,10 +98,9 @@ def _places(job: Job) -> dict[str, str]:
 def _texts(job: Job) -> dict[str, str]:
     """Return the contents of the folder's files: YAML of study and scenario, hashes of others."""
     study = dataclasses.replace(job.study, scenario=BASE)
-    base = with_files(job.base, _places(job))
     return {
         STUDY: yaml_text(study),
-        BASE: yaml_text(base),
+        BASE: yaml_text(job.base, moved(job.base, _places(job))),
         **{place: _hash(job.files[name]) for name, place in _places(job).items()},
     }
 

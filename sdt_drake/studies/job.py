@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
+from sdt_drake.io.names import value_of
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.io.trust import accept, trusted_code, trusting
 from sdt_drake.io.versions import versions
@@ -21,7 +22,7 @@ from sdt_drake.run.design import load_device, make_design
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.fields import Field
 from sdt_drake.studies.outcomes import outcome_names
-from sdt_drake.studies.runs import FILE_FIELDS, Runner, with_files
+from sdt_drake.studies.runs import FILE_FIELDS, Runner, moved
 from sdt_drake.studies.study import Study
 
 
@@ -96,7 +97,7 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
     same_study = dataclasses.replace(study, scenario="", timeout=1.0)
     depends = {
         "study": yaml_text(same_study),
-        "base": yaml_text(with_files(base, places_of(files))),
+        "base": yaml_text(base, moved(base, places_of(files))),
         "files": hashes,
     }
     fingerprint = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
@@ -119,7 +120,7 @@ def _joints(field: str, file: Path, base: Scenario) -> int | None:
 def _references(study: Study, base: Scenario) -> Iterator[tuple[Field, str]]:
     """Yield the field and the name of each file of the base scenario and its variants."""
     for field in FILE_FIELDS:
-        if name := field.get(base):
+        if name := value_of(base, field.name):
             yield field, name
         for variable in study.variables:
             if field in variable.targets:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Mapping
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import check
+from sdt_drake.io.names import value_of
 from sdt_drake.io.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.motion import Plan, load_commanded
 from sdt_drake.robot.robot import Robot
@@ -34,13 +33,10 @@ FILE_FIELDS = tuple(field for field in map(find_field, field_names()) if field.f
 """Fields of a scenario that name a file."""
 
 
-def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
-    """Return a copy of a scenario in which the files in `places` have their new paths."""
-    scenario = copy.deepcopy(scenario)
-    for field in FILE_FIELDS:
-        name = field.get(scenario)
-        field.put(scenario, places.get(name, name))
-    return scenario
+def moved(scenario: Scenario, places: Mapping[str, str]) -> dict[str, str]:
+    """Return the new paths of the files in `places` that a scenario names, by dotted name."""
+    names = {field.name: value_of(scenario, field.name) for field in FILE_FIELDS}
+    return {field: places[name] for field, name in names.items() if name in places}
 
 
 class Runner:
@@ -51,7 +47,7 @@ class Runner:
     ) -> None:
         """Make a runner; `places` has the paths of files by their names in study and base."""
         self.study, self.base, self._places = study, base, dict(places or {})
-        self._plans: dict[tuple[str | float, ...], _Planned | InfeasibleError] = {}
+        self._plans: dict[tuple[object, ...], _Planned | InfeasibleError] = {}
 
     def scenario(self, number: int, inputs: Inputs | None = None) -> Scenario:
         """Return the scenario of a row; by default with the inputs that the study draws.
@@ -61,9 +57,11 @@ class Runner:
         """
         if file := self.base.controller.file:  # rows may name controllers that it registers
             load_controllers(self._places.get(file, file))
-        scenario = self.study.scenario_of(self.base, inputs or self.study.inputs(number))
-        scenario.name = f"{self.study.name}, row {number}"
-        return with_files(scenario, self._places)
+        changes = moved(self.base, self._places) | {"name": f"{self.study.name}, row {number}"}
+        changes |= self.study.changes(self.base, inputs or self.study.inputs(number))
+        files = {field.name for field in FILE_FIELDS}
+        at = {name: self._places.get(x, x) for name, x in changes.items() if name in files}
+        return self.base.changed(changes | at)
 
     def design(self, scenario: Scenario) -> tuple[Design, Plan]:
         """Return the design of a scenario of the study, and the plan of its motion.
@@ -72,15 +70,13 @@ class Runner:
             InfeasibleError: if the motion is beyond the limits of the device.
             InputError: for any other bad input.
         """
-        check(scenario)  # planning would report bad numbers as an infeasible motion
         robot, plan = self._planned(scenario)
         return make_design(scenario, robot=robot, motion=plan.motion), plan
 
     def _planned(self, scenario: Scenario) -> _Planned:
         """Return robot and plan from the cache, which drops the oldest plan when it is full."""
-        planning = (scenario.period, scenario.torque_margin, scenario.planner)
-        device = (str(scenario.device), str(scenario.drive.n1), str(scenario.drive.n0))
-        key = (scenario.robot, *device, scenario.motion, *planning)
+        planning = (scenario.motion, scenario.period, scenario.torque_margin, scenario.planner)
+        key = (scenario.robot, scenario.device, scenario.drive.n1, scenario.drive.n0, *planning)
         if key not in self._plans:
             if len(self._plans) >= _MAX_PLANS:
                 del self._plans[next(iter(self._plans))]

@@ -1,6 +1,6 @@
 """Sizing: the candidates for a device's motors and the requirements that they must meet."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -21,7 +21,7 @@ from sdt_drake.io.fields import (
     Problems,
     Some,
     Text,
-    check,
+    check_joints,
     setting,
 )
 from sdt_drake.io.resources import find_file
@@ -34,7 +34,7 @@ from sdt_drake.studies.fields import check_changes
 from sdt_drake.studies.study import Study, Variable
 
 
-@dataclass
+@dataclass(frozen=True)
 class Requirements(Input):
     """The requirements of a device: the largest allowed value of each outcome, in every motion.
 
@@ -75,7 +75,7 @@ class Requirements(Input):
         return limits
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Sizing(Input):
     """A sizing: candidates for the motors of a device, and their requirements."""
 
@@ -89,7 +89,7 @@ class Sizing(Input):
     `stiffness_exponent`. Leave `motors` and `structure_scale` out."""
     motors: Some[Some[str]]
     """Motor ids for each joint, base to tip; every combination is a motor set."""
-    structure_scales: Some[Positive] = setting([1.0], unit="-")
+    structure_scales: Some[Positive] = setting((1.0,), unit="-")
     """Structure scales; every motor set is tried with each of them."""
     motions: Some[Annotated[str, FileOf("motion")]]
     """Motions that every candidate must do: files, or names of shipped ones."""
@@ -116,7 +116,7 @@ class Sizing(Input):
         lists["motions"] = [short_name(motion) for motion in self.motions]
         for name, values in lists.items():
             if len(set(values)) < len(values):
-                yield name, f"{values} has a value twice, expected each once"
+                yield name, f"{[*values]} has a value twice, expected each once"
         for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
             limits = getattr(self.requirements, name)
             if limits is not None and len(limits) not in (1, self.n):
@@ -124,8 +124,10 @@ class Sizing(Input):
                 yield f"requirements.{name}", text
         if any(self.device.motors) or self.device.structure_scale != 1:
             yield "device", "motors and structure_scale come from the candidates; remove them here"
+        if not self.device.fitted:
+            yield "device.fitted", "missing, expected the motors of the robot file, '' for none"
         with at("device"):
-            check(self.device, n=self.n)
+            check_joints(self.device, "", self.n)
         catalogue = self.catalogue
         for k, ids in enumerate(self.motors):
             fitted = self.device.fitted[k] if self.device.fitted else ""
@@ -173,17 +175,13 @@ class Sizing(Input):
 
     def base(self, scenario: Scenario) -> Scenario:
         """Return the base scenario of the study, with `shared_device` and this planner."""
-        return replace(
-            scenario,
-            device=self.shared_device,
-            planner=self.planner,
-            torque_margin=self.torque_margin,
-        )
+        own = {"planner": self.planner, "torque_margin": self.torque_margin}
+        return scenario.changed({"device": self.shared_device, **own})
 
     def study(self) -> Study:
         """Return the study of all candidates, motions and controllers."""
 
-        def choice(name: str, target: str, values: list[str]) -> Variable:
+        def choice(name: str, target: str, values: Sequence[str]) -> Variable:
             return Variable(name, [target], "value", Choice(values))
 
         motors = [
@@ -220,7 +218,6 @@ def load_sizing(
         InputError: with a line for each problem: file, field, and what is accepted.
     """
     sizing, file = load_yaml(Sizing, path, "study")
-    sizing.name = sizing.name or file.stem
     own = ["device", "planner", "torque_margin", "accuracy", *sizing.study().replaced]
     check_changes(changes or {}, own, file)
     scenario = load_scenario(sizing.scenario, changes, trust=trust)
@@ -236,7 +233,7 @@ def load_sizing(
         for motion in sizing.motions:
             find_file(motion, "motion")
         base = sizing.base(scenario)
-        check(base, n=sizing.n)
+        check_joints(base, "", sizing.n)
         sizing.study().validate(base)
     return sizing, base
 

@@ -1,6 +1,5 @@
 """A study: a base scenario and the variables that change it, loaded from YAML."""
 
-import copy
 import math
 import zlib
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from sdt_drake.analysis.comparison import check_labels, with_controller
+from sdt_drake.analysis.comparison import check_labels, controller_changes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
@@ -23,7 +22,7 @@ from sdt_drake.io.fields import (
     Positive,
     Problems,
     Tagged,
-    check,
+    Values,
     setting,
 )
 from sdt_drake.io.yaml_files import load_yaml
@@ -37,13 +36,13 @@ APPLY = ("value", "factor", "offset")
 _MAX_INTEGER = 2**64 - 1
 
 
-@dataclass
+@dataclass(frozen=True)
 class Variable(Input):
     """A variable of a study: one or several fields of the scenario, and their distribution."""
 
     name: str = ""
     """Name of the column in the results; the first field by default."""
-    fields: list[str] = setting([])
+    fields: Values[str] = setting(())
     """Dotted names of scenario fields ("plant.friction.coulomb", or "controller.kp[2]" for one
     entry of a list); all get the same draw. "controller" accepts labels: "p_pi+id"."""
     apply: Annotated[str, OneOf(APPLY)] = "value"
@@ -52,8 +51,8 @@ class Variable(Input):
     distribution: Annotated[Random | Grid | List | Choice, Tagged()] = setting(None)
     """Distribution of the draws; must be given."""
 
-    def __post_init__(self) -> None:
-        self.name = self.name or next(iter(self.fields), "")
+    def complete(self) -> None:
+        object.__setattr__(self, "name", self.name or next(iter(self.fields), ""))
 
     def problems(self) -> Problems:
         if not self.fields:
@@ -96,18 +95,19 @@ class Variable(Input):
             return [self.distribution.start]
         return self.distribution.levels()
 
-    def put(self, scenario: Scenario, value: Value) -> Scenario:
-        """Put a draw into a scenario, which is changed in place and returned.
+    def changes(self, base: Scenario, value: Value) -> dict[str, Any]:
+        """Return the values of the base scenario's fields that a draw changes, by dotted name.
 
         Raises:
             InputError: for a value that the field does not accept.
         """
+        changes: dict[str, Any] = {}
         for target in self.targets:
             if target.type is ControllerChoice:
-                scenario = with_controller(scenario, str(value))
+                changes |= controller_changes(str(value))
             else:
-                target.put(scenario, _converted(value, target), self.apply)
-        return scenario
+                changes[target.name] = target.changed(base, _converted(value, target), self.apply)
+        return changes
 
 
 def _converted(value: Value, target: Field) -> Value | bool:
@@ -118,7 +118,7 @@ def _converted(value: Value, target: Field) -> Value | bool:
     return value == "true"
 
 
-@dataclass
+@dataclass(frozen=True)
 class Study(Input):
     """A study: many variants of one base scenario.
 
@@ -152,7 +152,7 @@ class Study(Input):
     pause: NotNegative = setting(0.0, unit="s")
     """Rest between two runs of a motion, in which the windings cool. It has an effect only with
     motors of a catalogue."""
-    variables: list[Variable] = setting([])
+    variables: Values[Variable] = setting(())
     """Variables of the study; at least one."""
 
     def problems(self) -> Problems:
@@ -172,29 +172,27 @@ class Study(Input):
 
     def _field_problems(self) -> Problems:
         """Yield a problem for each field that two variables set."""
-        owners: dict[tuple[str, ...], dict[int | None, str]] = {}
+        owners: dict[str, dict[int | None, str]] = {}
         for variable in self.variables:
             for target in (touched for name in variable.targets for touched in name.touched):
-                others = owners.setdefault(target.parts, {})
+                others = owners.setdefault(target.whole, {})
                 if others and (target.entry is None or {None, target.entry} & others.keys()):
                     names = " and ".join(dict.fromkeys([*others.values(), variable.name]))
                     yield "variables", f"{target.name} is set by {names}, expected one of them"
                 others[target.entry] = variable.name
 
     def validate(self, base: Scenario) -> None:
-        """Check the study, also that its variables fit the base scenario.
+        """Check that the variables fit the base scenario.
 
         Raises:
             InputError: naming the field and what is accepted.
         """
-        check(self)
         for i, variable in enumerate(self.variables):
             with within(f"variables[{i + 1}]"):
                 if any(target.type is ControllerChoice for target in variable.targets):
                     check_labels([*map(str, variable.examples)], "distribution.values")
-                changed = copy.deepcopy(base)  # one for all values, of which there may be many
                 for value in variable.examples:
-                    variable.put(changed, value)
+                    variable.changes(base, value)
 
     @property
     def replaced(self) -> list[str]:
@@ -255,17 +253,16 @@ class Study(Input):
             for v in self.variables
         }
 
-    def scenario_of(self, base: Scenario, inputs: Mapping[str, Value]) -> Scenario:
-        """Return a copy of the base scenario with the inputs of a row.
+    def changes(self, base: Scenario, inputs: Mapping[str, Value]) -> dict[str, Any]:
+        """Return the values of the base scenario's fields that a row changes, by dotted name.
 
         Raises:
             InputError: for values that their fields do not accept.
         """
-        scenario = copy.deepcopy(base)
-        scenario.accuracy = self.accuracy
+        changes: dict[str, Any] = {"accuracy": self.accuracy}
         for variable in self.variables:
-            scenario = variable.put(scenario, inputs[variable.name])
-        return scenario
+            changes |= variable.changes(base, inputs[variable.name])
+        return changes
 
 
 def load_study(
@@ -298,6 +295,5 @@ def read_study(path: str | Path) -> tuple[Study, Path]:
     study, file = load_yaml(Study, path, "study")
     if not study.scenario:
         raise InputError(f"{file}: scenario: missing, expected the file of the base scenario")
-    study.folder = file.resolve().parent
-    study.name = study.name or file.stem
+    object.__setattr__(study, "folder", file.resolve().parent)
     return study, file

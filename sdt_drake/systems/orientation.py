@@ -11,7 +11,7 @@ from pydantic import Field
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, LinearSystem, MatrixGain, Multiplexer
 
-from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, setting
+from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, Values, setting
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.head import GRAVITY
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
@@ -23,7 +23,7 @@ PERCEPTION = "perception model"
 _I, _0 = np.eye(3), np.zeros((3, 3))
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PerceptionModel(Input):
     """The gains and time constants of a pilot's sense of orientation.
 
@@ -32,17 +32,17 @@ class PerceptionModel(Input):
 
     source: Text
     """Publication of the numbers, and their origin."""
-    k_w: list[Positive] = setting(min_length=3, max_length=3, unit="-")
+    k_w: Values[Positive] = setting(min_length=3, max_length=3, unit="-")
     """Gain from the error of the canals (measured minus expected) to the felt rate."""
-    k_fw: list[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
+    k_fw: Values[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
     """Gain from the tilt error to the felt rate."""
-    k_fg: list[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
+    k_fg: Values[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
     """Gain from the tilt error to the felt gravity."""
-    k_a: list[Annotated[Number, Field(le=0)]] = setting(min_length=3, max_length=3, unit="-")
+    k_a: Values[Annotated[Number, Field(le=0)]] = setting(min_length=3, max_length=3, unit="-")
     """Gain from the error of the otoliths (measured minus expected) to the felt acceleration."""
-    tau: list[Positive] = setting([5.7] * 3, min_length=3, max_length=3, unit="s")
+    tau: Values[Positive] = setting((5.7,) * 3, min_length=3, max_length=3, unit="s")
     """Time constant of the cupula's return to rest."""
-    tau_a: list[Positive] = setting([80.0] * 3, min_length=3, max_length=3, unit="s")
+    tau_a: Values[Positive] = setting((80.0,) * 3, min_length=3, max_length=3, unit="s")
     """Time constant of the adaptation of the canals' nerve."""
     cutoff: Number = setting(2.0, gt=0, le=100, unit="Hz")
     """Cut-off frequency of all senses, and of the brain's expectation of them."""
@@ -58,7 +58,7 @@ def load_perception(name: str) -> PerceptionModel:
         InputError: with a line for each problem.
 
     >>> load_perception("clark2019").tau
-    [5.7, 5.7, 5.7]
+    (5.7, 5.7, 5.7)
     """
     return load_yaml(PerceptionModel, name, PERCEPTION)[0]
 

@@ -6,7 +6,8 @@ from by_hand import GEAR, rk4
 from variants import kind
 
 from sdt_drake.analysis.budget import PARTS, error_budget
-from sdt_drake.motion import Motion
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.device import Drive, Friction
 from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import DisturbanceChoice
@@ -95,6 +96,14 @@ def test_what_is_not_linear_lands_in_the_remainder(budgets, name, linear, change
         same(budget.parts[part], without.parts[part])
     same(budget.remainder, budget.whole - without.whole, 1e-5)
     assert largest(budget.remainder).max() > 30 * largest(without.remainder).max()
+
+
+def test_what_is_not_of_the_scenario_is_refused(budgets):
+    design, _ = budgets()
+    with pytest.raises(InputError, match="learned: has no part in an error budget"):
+        error_budget(design.given(LearnedReference(design.wanted, 0 * design.wanted.q)))
+    with pytest.raises(InputError, match="design: another torque feedforward than"):
+        error_budget(design.with_feedforward(0 * design.wanted.q))
 
 
 def test_saturation_is_a_part(designed):

@@ -1,6 +1,5 @@
 """Controllers side by side: the same numbers as each of them alone."""
 
-import copy
 import csv
 
 import numpy as np
@@ -10,15 +9,17 @@ from variants import kind as controller
 from sdt_drake.analysis.comparison import (
     compare,
     comparison_rows,
+    design_with,
     with_controller,
     write_comparison,
 )
 from sdt_drake.analysis.tracking import track
-from sdt_drake.io.fields import check
-from sdt_drake.motion import Motion
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.kinds import CONTROLLERS
-from sdt_drake.run.scenario import load_scenario, with_fields
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import simulate
 
 PERIOD = 0.005
 LABELS = ("pi", "pi_ctc", "p_pi+id", "pi_scheduled+ctc", "inverse_dynamics")
@@ -79,6 +80,18 @@ def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
         assert told == [c.label, str(c.blocks), ", ".join(c.needs)]
 
 
+def test_what_was_learned_is_compared_and_another_feedforward_is_refused(design):
+    torque = np.full(design.wanted.q.shape, 50.0)
+    learned = design.given(LearnedReference(design.wanted, torque))
+    for run in compare(learned, ["pi", "inverse_dynamics"]):
+        assert run.design.learned is learned.learned
+        plain, alone = (design_with(x, run.label) for x in (design, learned))
+        np.testing.assert_array_equal(run.recording.tau_cmd, simulate(alone).tau_cmd)
+        assert np.abs(run.recording.tau_cmd - simulate(plain).tau_cmd).max() > 10
+    with pytest.raises(InputError, match="design: has another torque feedforward"):
+        compare(design.with_feedforward(torque), ["pi"])
+
+
 # --- labels -------------------------------------------------------------------------------------
 
 
@@ -94,13 +107,10 @@ def test_a_label_is_a_kind_and_a_feedforward_and_keeps_options_of_use(label):
     fields["plant.friction"] = Friction([1.0] * 4)
     if kind == "inverse_dynamics":
         fields |= {"plant.kind": "coupled", "plant.i_eff": None}
-    before = with_fields(load_scenario("axis_pi"), fields)
-    untouched = copy.deepcopy(before)
-    after = with_controller(before, label)
-    check(after)
-    choice = after.controller
-    assert before == untouched and choice.friction_compensation
+    before = load_scenario("axis_pi").changed(fields)
+    choice = with_controller(before, label).controller
+    assert choice.friction_compensation
     assert (choice.kind, choice.feedforward_in_use) == (kind, feedforward)
-    assert choice.position_gain == ([5.0] * 4 if kind == "p_pi" else None)
-    assert choice.feedforward_gain == ([0.9] * 4 if feedforward != "none" else None)
+    assert choice.position_gain == ((5.0,) * 4 if kind == "p_pi" else None)
+    assert choice.feedforward_gain == ((0.9,) * 4 if feedforward != "none" else None)
     assert choice.anti_windup == (kind != "inverse_dynamics")

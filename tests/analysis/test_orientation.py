@@ -45,8 +45,8 @@ def test_yaw_fades_and_is_false_after_a_stop_as_the_transfer_function_says(name)
     """(k_w + 1) C / (1 + k_w H), with C / (1 + k_w H) =
     tau tau_a s² / ((tau_a s + 1) ((s / omega_c + 1)(tau s + 1) + k_w tau s))."""
     model, k_w = load_perception(name), GAINS[name][0]
-    assert (model.k_w, model.k_fw, model.k_fg, model.k_a) == tuple([x] * 3 for x in GAINS[name])
-    assert (model.tau, model.tau_a, model.cutoff) == ([5.7] * 3, [80.0] * 3, 2.0)
+    assert (model.k_w, model.k_fw, model.k_fg, model.k_a) == tuple((x,) * 3 for x in GAINS[name])
+    assert (model.tau, model.tau_a, model.cutoff) == ((5.7,) * 3, (80.0,) * 3, 2.0)
     time, force, rate = head(40, 0.02)
     rate[(time > 1) & (time <= 31), 2] = 1.0
     felt = perceive(time, force, rate, name).rate

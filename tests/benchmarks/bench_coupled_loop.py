@@ -34,7 +34,7 @@ from sdt_drake.analysis.comparison import design_with
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.loop import Loop, make_loop
-from sdt_drake.run.scenario import load_scenario, with_fields
+from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator
 
 CONTROLLERS = ("pi", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
@@ -93,14 +93,14 @@ def loops_of_all() -> tuple[Design, dict[str, Loop | Diagram]]:
     """The loops by name, and the design of the first one."""
     scenario = load_scenario("coupled_pi_ctc")
     table = make_design(scenario)
-    online = make_design(with_fields(scenario, {"inverse_dynamics": "online"}))
+    online = make_design(scenario.changed({"inverse_dynamics": "online"}))
     friction = load_scenario("real_device").plant.friction  # of the drive, the sampling alone
     device = {"plant.friction": friction, "drive": Drive(period=0.001)}
     loops = {"floor": make_floor(table)}
     widened = {"table": table.assuming(widened=True), "online": online.assuming(widened=True)}
     loops |= {name: make_loop(design) for name, design in widened.items()}
     loops |= {label: make_loop(design_with(table, label)) for label in CONTROLLERS}
-    loops["1 ms drive, friction"] = make_loop(make_design(with_fields(scenario, device)))
+    loops["1 ms drive, friction"] = make_loop(make_design(scenario.changed(device)))
     return table, loops
 
 

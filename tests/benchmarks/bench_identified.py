@@ -30,7 +30,7 @@ from sdt_drake.robot.device import Friction
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.kinds import CONTROLLERS
-from sdt_drake.run.scenario import load_scenario, with_fields
+from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
 
 EXCITING = str(Path(__file__).parents[2] / "diagrams" / "exciting.yaml")
@@ -47,10 +47,9 @@ NOISE = 0.01  # of the RMS of the torque
 
 def truth(motion, kind="pi", deviation=TRUE):
     """The design of the true device along a motion."""
-    scenario = with_controller(load_scenario("real_device", {"motion": motion}), kind)
-    scenario.plant.deviation, scenario.plant.friction = deviation, FRICTION
-    scenario.controller.model = Deviation()
-    return make_design(scenario)
+    changes = {"motion": motion, "plant.deviation": deviation, "plant.friction": FRICTION}
+    changes["controller.model"] = Deviation()
+    return make_design(with_controller(load_scenario("real_device", changes), kind))
 
 
 def recorded_of(design, run, seed=0):
@@ -105,7 +104,7 @@ def tracked(found, kind):
     if "position_gain" in CONTROLLERS[kind.partition("+")[0]].options:
         gains["position_gain"] = model.position_gain.tolist()
     fields = {f"controller.{name}": x for name, x in gains.items()}
-    own = exact.variant(with_fields(exact.scenario, fields)).with_feedforward(model.tau_ff)
+    own = exact.variant(exact.scenario.changed(fields)).with_feedforward(model.tau_ff)
     errors = [np.abs(simulate(x).position_error).max(axis=0) for x in (own, exact)]
     told(f"{kind}, error over that of the exact model", errors[0] / errors[1] - 1)
 

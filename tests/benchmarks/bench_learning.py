@@ -48,9 +48,8 @@ def flown(device, filter_, flights):
 
 def main(devices=200, flights=20, out="bench_learning.csv"):
     study, base = load_study("monte_carlo")
-    scenario = with_controller(load_scenario("uncertain"), "p_pi+id")
-    scenario.accuracy = study.accuracy
-    design = make_design(scenario)
+    scenario = load_scenario("uncertain", {"accuracy": study.accuracy})
+    design = make_design(with_controller(scenario, "p_pi+id"))
     filter_ = design_filter(design, loops_of(design, "reference"), "reference")
     done = Path(out).read_text(encoding="utf-8").splitlines() if Path(out).exists() else []
     with open(out, "a", newline="", encoding="utf-8", buffering=1) as file:

@@ -4,8 +4,10 @@ rules of a scenario."""
 import difflib
 import json
 import math
+import pickle
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,14 +15,15 @@ import numpy as np
 import pytest
 
 from sdt_drake.io.errors import MAX_NUMBER, MAX_PROBLEMS, InputError
-from sdt_drake.io.fields import check, made
+from sdt_drake.io.fields import Input, check_joints, made
+from sdt_drake.io.names import given_fields, value_of
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
 from sdt_drake.machine.learn.state import FlightRecord
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.run.kinds import CONTROLLERS
-from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
+from sdt_drake.run.scenario import PlantChoice, Scenario, load_scenario
 from sdt_drake.show.reference import FILES, SCHEMAS
 from sdt_drake.studies.sizing import load_sizing
 
@@ -137,16 +140,88 @@ def test_no_field_takes_a_number_beyond_the_largest(model):
 # --- what is told ----------------------------------------------------------------------------
 
 
-def scenario(name, fields):
-    return with_fields(load_scenario(name), fields)
+def changed(name, fields):
+    made = load_scenario(name).changed(fields)
+    check_joints(made, f"scenario '{name}'", 4)
+    return made
 
 
-def test_python_may_assign_what_fits_a_field():
-    fields = {"controller.kp": np.ones(4), "controller.ki": (1.0,) * 4, "period": np.float64(0.01)}
-    check(scenario("axis_pi", fields), n=4)
-    check(scenario("axis_pi", {"controller.kp": [1.0]}))  # their count waits for the robot
-    with pytest.raises(AttributeError, match="no field 'perod', did you mean 'period'"):
-        Scenario().perod = 0.01
+def test_python_may_give_any_sequence_and_nothing_can_change_in_an_object():
+    kp = np.ones(4)
+    fields = {"controller.kp": kp, "controller.ki": [1] * 4, "period": np.float64(0.01)}
+    made = changed("axis_pi", fields)
+    assert (
+        load_scenario("axis_pi", fields)
+        == made
+        == replace(made)
+        == pickle.loads(pickle.dumps(made))
+    )
+    kp[:] = 2
+    assert made.controller.kp == made.controller.ki == (1.0,) * 4 and hash(made)
+    load_scenario("axis_pi").changed({"controller.kp": [1.0]})  # their count waits for the robot
+    for thing, name in ((made, "period"), (made.controller, "kp"), (made, "perod")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(thing, name, 0.01)
+    with pytest.raises(TypeError):
+        made.controller.kp[0] = 2.0
+
+
+def names_of(thing, prefix=""):
+    for name, value in given_fields(thing):
+        is_model = isinstance(value, Input)
+        yield from names_of(value, f"{prefix}{name}.") if is_model else [prefix + name]
+
+
+@pytest.mark.parametrize("name", ["axis_pi", "real_device", "uncertain"])
+def test_a_dotted_name_gives_and_changes_its_field_alone(name):
+    """All of them, so that one put anywhere else would be seen; a list by entries, too."""
+    scenario, other = load_scenario(name), load_scenario("coupled_pi_ctc")
+    for field in {*names_of(scenario), *names_of(other)} - {"controller.omega_r", "plant.i_eff"}:
+        value = value_of(scenario, field)
+        assert scenario.changed({field: value}) == scenario
+        if isinstance(value, tuple) and value:
+            last = f"{field}[{len(value)}]"
+            assert scenario.changed({last: value_of(scenario, last)}) == scenario
+    several = {"controller.kp": [1.0] * 4, "controller.ki": [1.0] * 4, "controller.kp[2]": 3.0}
+    several |= dict.fromkeys(("controller.omega_r", "controller.zeta"))
+    gains = scenario.changed(several | {"drive": {"period": 0.001}})
+    assert gains.controller.kp == (1.0, 3.0, 1.0, 1.0) and gains.drive == Drive(period=0.001)
+    rest = {field for field in names_of(gains) if not field.startswith(("controller.", "drive."))}
+    assert all(value_of(gains, field) == value_of(scenario, field) for field in rest)
+
+
+NO_NAMES = [
+    ({"controller.kp[5]": 1.0}, "controller.kp[5]: the list has 4 entries, expected [1] to [4], o"),
+    ({"drive.n0[1]": 1.0}, "drive.n0[1]: the list has no entries, expected the whole list"),
+    ({"controller[1].kind": "pi"}, "controller[1].kind: expected the dotted name of a field"),
+    ({"controller.zta": 1.0}, "controller.zta: no such field, did you mean 'zeta'?"),
+    ({"controller.kp.x": 1.0}, "controller.kp.x: expected the dotted name of a field"),
+    ({"controller..kp": 1.0}, "controller..kp: expected the dotted name of a field"),
+    ({1: 1.0}, "changes: {1: 1.0}, expected values by dotted names"),
+    ([("period", 1.0)], "changes: [('period', 1.0)], expected values by dotted names"),
+]
+
+
+@pytest.mark.parametrize(("changes", "line"), NO_NAMES)
+def test_what_names_no_field(changes, line):
+    scenario = load_scenario("axis_pi")
+    for change in (scenario.changed, lambda changes: load_scenario("axis_pi", changes)):
+        with pytest.raises(InputError, match=re.escape(line)):
+            change(changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (lambda: Drive(period=-1), "drive: period: -1, expected a number >= 0.000125 [s]"),
+        (lambda: replace(Drive(), n1=[1.0]), "drive: n0: missing, expected n1 and n0 or neither"),
+        (lambda: PlantChoice("cupled"), "plant choice: kind: 'cupled', expected one of axis, coup"),
+        (Scenario, "scenario: controller.omega_r: missing, the gains need it, or kp and ki"),
+    ],
+)
+def test_an_object_made_in_python_is_checked_when_it_is_made(make, line):
+    with pytest.raises(InputError, match=f"^{re.escape(line)}"):
+        make()
 
 
 AXIS = [
@@ -179,8 +254,8 @@ AXIS = [
 
 @pytest.mark.parametrize(("fields", "line"), AXIS, ids=[line for _, line in AXIS])
 def test_a_bad_field_of_a_scenario(fields, line):
-    with pytest.raises(InputError, match=f"^run: {re.escape(line)}.*$") as error:
-        check(scenario("axis_pi", fields), "run", n=4)
+    with pytest.raises(InputError, match=f"^scenario 'axis_pi': {re.escape(line)}.*$") as error:
+        changed("axis_pi", fields)
     assert len(error.value.problems) == 1
 
 
@@ -230,6 +305,6 @@ OPTIONS = [
 def test_what_the_kind_of_controller_or_plant_would_not_use(kinds, field, value, line):
     for kind in kinds:
         fields = {"controller.kind": kind}
-        check(scenario("coupled_pi", fields), n=4)
-        with pytest.raises(InputError, match=f"^{field}: {re.escape(line.format(kind))}.*$"):
-            check(scenario("coupled_pi", fields | {field: value}), n=4)
+        changed("coupled_pi", fields)
+        with pytest.raises(InputError, match=f": {field}: {re.escape(line.format(kind))}.*$"):
+            changed("coupled_pi", fields | {field: value})

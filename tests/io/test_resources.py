@@ -43,7 +43,7 @@ def test_changes_are_as_in_the_file_but_paths_start_where_we_are(tmp_path, monke
 SET = [
     ("controller.kind=p_p", "--set controller.kind: 'p_p', expected one of pi, "),
     ("controller.zeta=[1]", "--set controller.zeta: 1 value(s), expected 4"),
-    ("controller.kp[1]=1", "the file has no entries there, expected the whole list"),
+    ("controller.kp[1]=1", "the list has no entries, expected the whole list"),
     ("controllr.kind=pi", "controllr: no such field, did you"),
     ("motion=nowhere.yaml", "ships) (with --set motion)"),
     ("name", "--set: 'name', expected FIELD=VALUE"),

@@ -46,12 +46,11 @@ def motion():
     return Motion.from_speeds(0.005, np.array([0.1, -0.2, 0.3, 0.0]), v)
 
 
-def drives_with(**fields):
-    axes = [Axis(increments=2**20, rated_torque=rated) for rated in RATED]
-    for name, values in fields.items():
-        for axis, value in zip(axes, values, strict=True):
-            setattr(axis, name, value)
-    return Drives(cycle_time=0.001, axes=axes)
+def drives_with(cycle_time=0.001, **fields):
+    given = {"rated_torque": RATED, **fields}
+    each = [dict(zip(given, values, strict=True)) for values in zip(*given.values(), strict=True)]
+    axes = [Axis(**{"increments": 2**20, **own}) for own in each]
+    return Drives(cycle_time=cycle_time, axes=axes)
 
 
 def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion):
@@ -277,8 +276,7 @@ def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, 
     torque = 30 * np.sin(np.pi * motion.time / 0.6)[:, None] * [0.1, 1, 1, 1]
     beside = Motion.from_speeds(motion.period, motion.q[0], beside)
     design = design.given(LearnedReference(beside, torque if has_torque else None))
-    drives = drives_with()
-    drives.cycle_time = 0.005
+    drives = drives_with(0.005)
     exported = export(design, drives, tmp_path, cam_points=50, title="x")
     fed = np.zeros_like(torque) if design.tau_ff is None else design.tau_ff
     np.testing.assert_array_equal(fed, torque * has_torque if kind == "p_pi" else fed)

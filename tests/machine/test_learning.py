@@ -1,6 +1,5 @@
 """Learning from flights: loop models, filter, convergence, flights, and the command."""
 
-import copy
 import signal
 from dataclasses import replace
 from types import SimpleNamespace
@@ -193,8 +192,8 @@ def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
     )
     by_structure = design_filter(softer, loops_of(softer, "reference"), "reference")
     assert [round(b.omega, 3) for b in by_structure.bandwidth] == [round(65.991 / 2, 3)] * 4
-    unknown = copy.deepcopy(rigid.scenario)
-    unknown.controller.omega_r = None
+    gains = {"kp": rigid.gains.kp, "ki": rigid.gains.ki, "omega_r": None, "zeta": None}
+    unknown = rigid.scenario.changed({f"controller.{name}": x for name, x in gains.items()})
     perfect = LoopSet("perfect", (np.tile(np.eye(4), (POINTS, 1, 1)),), np.zeros((1, 4)))
     by_samples = design_filter(replace(rigid, scenario=unknown), [perfect], "reference")
     assert by_samples.bandwidth[0] == (pytest.approx(100 * np.pi), "the sample period")
@@ -242,8 +241,7 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
     assert second.learned.motion is design.wanted
     change = [np.abs(np.diff(flight.error[:, 3])).max() for flight in (first, second)]
     assert change[1] < 0.6 * change[0]
-    careful = copy.deepcopy(design.scenario)
-    careful.torque_margin = 0.5
+    careful = design.scenario.changed({"torque_margin": 0.5})
     step = next_step(replace(design, scenario=careful), filter_, 100 * first.seen)
     assert "available" in step.limit and step.note == f"torque clipped: {step.limit}"
     most = np.abs(step.learned.torque) / design.nominal.motor_torque_limit

@@ -9,7 +9,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings import Recorded, read_recording, without_spikes
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
-from sdt_drake.run.scenario import Drive, Friction, with_fields
+from sdt_drake.run.scenario import Drive, Friction
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.reports.replay import replay_findings, tables
 
@@ -34,7 +34,7 @@ def recorded_run(made, tmp_path, **more):
 
 
 def replayed(made, recorded, fields=None):
-    return replay(with_fields(made.scenario, fields or {}), recorded, made.nominal)
+    return replay(made.scenario.changed(fields or {}), recorded, made.nominal)
 
 
 def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(designed, tmp_path):

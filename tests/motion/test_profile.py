@@ -1,5 +1,7 @@
 """Motion profiles: closed forms of the segments, G and alignment, the library, bad profiles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -37,9 +39,9 @@ def test_speeds_of_a_fourier_series_are_those_computed_by_hand():
 @settings(max_examples=15)
 @given(profile=profiles(DEVICE), angle=st.floats(-90, 90))
 def test_a_turn_after_any_segments_ends_at_its_angle(profile, angle):
-    for track in profile.tracks:
-        track.segments.append(Turn(to_deg=angle, duration=2))
-    profile.duration = 6
+    turn = Turn(to_deg=angle, duration=2)
+    tracks = [replace(track, segments=[*track.segments, turn]) for track in profile.tracks]
+    profile = replace(profile, tracks=tracks, duration=6)
     motion = sampled(command_of(profile, DEVICE), 1e-3)
     for track in profile.tracks:
         end = motion.q[-1, DEVICE.joint_names.index(track.joint)]

@@ -11,7 +11,7 @@ from sdt_drake.robot.dynamics import effective_inertia, torque_groups
 from sdt_drake.robot.motors import DeviceChoice, chosen_robot, load_catalogue
 from sdt_drake.robot.robot import edited
 from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import load_scenario, with_fields
+from sdt_drake.run.scenario import load_scenario
 
 FITTED = ["AC-203", "TM-3950", "TM-2150", "TM-2150"]
 LIGHTER = ["AC-150", "TM-2860", "TM-1430", "TM-716"]
@@ -107,7 +107,7 @@ def test_a_bad_choice_is_refused(robot, values, message):
 
 def test_planner_controller_and_plant_know_the_device(robot, design):
     fields = {"device.motors": LIGHTER, "device.structure_scale": 0.8, "device.fitted": FITTED}
-    scenario = with_fields(load_scenario("coupled_pi_ctc"), fields)
+    scenario = load_scenario("coupled_pi_ctc").changed(fields)
     made = make_design(scenario, motion=design.motion)
     chosen = chosen_robot(robot, DeviceChoice(LIGHTER, structure_scale=0.8, fitted=FITTED))
     for known in (made.robot, made.nominal, made.model):

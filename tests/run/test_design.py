@@ -17,7 +17,7 @@ from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import make_loop
-from sdt_drake.run.scenario import ControllerChoice, with_fields
+from sdt_drake.run.scenario import ControllerChoice
 from sdt_drake.systems.gains import tune
 
 OMEGA_R = 65.991  # rad/s
@@ -120,7 +120,7 @@ def test_what_cannot_be_or_would_make_the_simulation_crawl(designed, fields, mes
 
 
 def test_a_replaced_scenario_that_does_not_fit_makes_no_loop(design):
-    stiff = with_fields(design.scenario, {"plant.elasticity": Elasticity([0.0, 0.0, 1e6, 0.0])})
+    stiff = design.scenario.changed({"plant.elasticity": Elasticity([0.0, 0.0, 1e6, 0.0])})
     said = r"^scenario '\w+': plant\.elasticity\.natural_frequency: gives joint 3 a pole"
     with pytest.raises(InputError, match=said):
         make_loop(dataclasses.replace(design, scenario=stiff))
@@ -140,10 +140,10 @@ def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, mon
     base = designed("axis_pi", {"controller.model": LIGHT}, motion=motion)
     computed = [n for n, x in vars(Design).items() if isinstance(x, property | cached_property)]
     for label in ("pi", "pi_ctc", "pi_id", "p_pi", "pi_scheduled"):
-        other = base.variant(with_fields(base.scenario, kind(label)))
+        other = base.variant(base.scenario.changed(kind(label)))
         for part in computed:
             getattr(other, part)
-    heavier = base.variant(with_fields(base.scenario, {"plant.deviation": LIGHT}))
+    heavier = base.variant(base.scenario.changed({"plant.deviation": LIGHT}))
     assert heavier.robot is base.model and heavier.torques is base._modelled_torques
     assert asked == [base.model, robot]
     del base, other, heavier, motion

@@ -76,9 +76,9 @@ PARTS = [
 
 @pytest.mark.parametrize(("name", "label", "start", "end"), PARTS)
 def test_speeds_and_positions_are_as_good_as_it_says(robot, name, label, start, end):
-    scenario = with_controller(load_scenario(name), label)
     # One count of an encoder more or less moves speeds by 2e-4 rad/s at any accuracy.
-    scenario.drive.encoder_resolution = None
+    smooth = load_scenario(name, {"drive.encoder_resolution": None})
+    scenario = with_controller(smooth, label)
     whole = make_design(scenario, robot=robot).wanted
     rows = slice(round(start / whole.period), round(end / whole.period))
     motion = Motion(whole.period, whole.q[rows], whole.v[rows], whole.vd[rows])

@@ -13,7 +13,7 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
+from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.distributions import Choice, List, Uniform
 from sdt_drake.studies.job import make_job
@@ -40,7 +40,7 @@ def of(field: str, distribution) -> Variable:
 def test_outcomes_are_those_of_a_run(base, robot):
     runner = Runner(Study(variables=[of("disturbance.amplitude", List([0.1, 0.2]))]), base)
     row = runner.run(1)
-    design = make_design(with_fields(base, {"accuracy": 1e-3, "disturbance.amplitude": 0.2}))
+    design = make_design(base.changed({"accuracy": 1e-3, "disturbance.amplitude": 0.2}))
     recording = simulate(design)
     tracking, motors = track(recording, design.motion), motor_use(recording, robot)
     outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
@@ -61,8 +61,8 @@ def test_outcomes_are_those_of_a_run(base, robot):
 def test_a_row_does_not_depend_on_those_before_it(files, monkeypatch):
     """Whatever robots and plans of other devices and motions the runner keeps."""
     monkeypatch.setattr("sdt_drake.studies.runs._MAX_PLANS", 4)
-    base = load_scenario(files / "coupled.yaml")
-    base.drive = Drive(n1=[200.0, 0.01, 0.01, 0.01], n0=[300.0, 9.0, 9.0, 9.0])
+    drive = Drive(n1=[200.0, 0.01, 0.01, 0.01], n0=[300.0, 9.0, 9.0, 9.0])
+    base = load_scenario(files / "coupled.yaml", {"drive": drive})
     levels = {"device.structure_scale": [1.0, 0.5], "torque_margin": [1.0, 0.05]}
     levels["drive.n0[2]"] = [9.0, 0.02]
     variables = [of(name, List(values)) for name, values in levels.items()]
@@ -128,9 +128,8 @@ def test_on_and_off_by_hand(T):
 def designed(desk, knots: str):
     """A design of half a second of joint 2 on motors of the catalogue."""
     (desk / "short.yaml").write_text(SHORT.replace("[0.25, 0.5], [0.5, 0.5]", knots))
-    scenario = load_scenario("coupled.yaml")
-    scenario.planner, scenario.controller.kind = "retiming", "pi_id"
-    return make_design(replace(scenario, device=DeviceChoice(fitted=[*FITTED])))
+    changes = {"planner": "retiming", "controller.kind": "pi_id", "device.fitted": FITTED}
+    return make_design(load_scenario("coupled.yaml", changes))
 
 
 def test_loads_of_a_run(desk):
@@ -161,7 +160,8 @@ mass: 560, thermal_time_constant: 900, source: made up"""
 
 def test_chosen_motors_limit_planner_and_loop_as_the_same_numbers_of_the_drive_do(desk):
     scenario, rpm = designed(desk, "[0.25, 1], [0.5, 0]").scenario, np.pi / 30
-    scenario.plant.friction.coulomb = [0, 600.0, 0, 0]  # the planner does not take it into account
+    friction = {"plant.friction.coulomb": [0, 600.0, 0, 0]}  # the planner ignores it
+    scenario = scenario.changed(friction)
     shipped = (models_dir() / "motors.yaml").read_text()
 
     def driven(speeds: str = "", **drive):
@@ -187,11 +187,12 @@ def test_what_has_motor_loads():
     """A robot whose masses contain no motors, too, if each joint has one of the catalogue."""
 
     def has(kind: str, *device) -> bool:
-        scenario = Scenario(device=DeviceChoice(*device))
-        return has_motor_loads(with_fields(scenario, {"plant.kind": kind}))
+        device = dict(zip(("motors", "fitted"), device, strict=False))
+        return has_motor_loads(load_scenario("coupled_pi", {"plant.kind": kind, "device": device}))
 
-    assert has("coupled", FITTED)
-    assert not has("axis", FITTED) and not has("coupled", [*FITTED[:3], ""]) and not has("coupled")
+    kept = [""] * 4
+    assert has("coupled", FITTED, kept) and not has("axis", FITTED, kept)
+    assert not has("coupled", [*FITTED[:3], ""], kept) and not has("coupled")
 
 
 # --- jobs ------------------------------------------------------------------------------------
@@ -210,7 +211,7 @@ def test_a_job_has_its_files_with_it(desk, tmp_path, monkeypatch):
         (desk / name).write_text(text)
     base = load_scenario("base.yaml")
     study = Study(variables=[of("motion", Choice(["short.yaml", "coriolis"]))])
-    study.folder = desk
+    object.__setattr__(study, "folder", desk)  # as for a study read from a file
     with pytest.raises(InputError, match="no such file"):
         make_job(study, replace(base, motion="nowhere.yaml"))
     job = make_job(study, base)

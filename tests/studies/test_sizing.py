@@ -37,7 +37,7 @@ def test_the_shipped_sizing_is_a_study_of_all_combinations():
     assert len({tuple(inputs.values()) for inputs in seen}) == len(study) == 72 * 4 * 3
     order = [Candidate(tuple(x.values())[:4], x["structure_scale"]) for x in seen[::12]]
     assert order == candidates(sizing)
-    scenario = study.scenario_of(base, seen[-1])
+    scenario = base.changed(study.changes(base, seen[-1]))
     motors = ["AC-270", "TM-5270", "TM-2150", "TM-1430"]
     assert scenario.device == DeviceChoice(motors, fitted=["AC-203", "TM-3950"] + ["TM-2150"] * 2)
     assert (scenario.motion, scenario.controller.label) == ("post_roll", "p_pi+id")
@@ -232,7 +232,7 @@ def test_from_a_file_to_a_recommendation(desk, capfd, undrawn):
     # What it says to take into the scenario is a device.
     fields = yaml.safe_load(text.split("```")[1])
     made = load_scenario("coupled.yaml", {f"device.{k}": v for k, v in fields["device"].items()})
-    assert made.device.motors == best.split(", ") and fields["controller"] == {"kind": "pi_id"}
+    assert [*made.device.motors] == best.split(", ") and fields["controller"] == {"kind": "pi_id"}
 
     with sqlite3.connect(desk / "own" / DATABASE) as database:
         database.execute("UPDATE rows SET status='failed', reason='no link' WHERE row=2")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.motors import DeviceChoice
-from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
+from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import Study, Variable, load_study
@@ -51,39 +51,50 @@ def test_a_quantile_is_where_its_share_of_the_distribution_is(mean, std, first, 
 
 
 BAD_VARIABLES = [
-    (Uniform(1, 1), "period", "distribution.*: low 1, high 1, expected low < high"),
-    (Normal(0, 1, 40), "period", "less than 1e-6 of the distribution lies between"),
-    (List([1.0, 2.0, 1.0]), "period", "values: .* has a value twice"),
-    (Uniform(0, 1), "controller.anti_windup", r"gets numbers, expected texts \(!Choice\)"),
-    (Choice(["true", "maybe"]), "controller.anti_windup", "'maybe', expected true or false"),
-    (Choice(["a\0.yaml"]), "motion", r"values: 'a\\x00.yaml', expected printable"),
+    (Uniform, (1, 1), "period", "low 1, high 1, expected low < high"),
+    (Normal, (0, 1, 40), "period", "less than 1e-6 of the distribution lies between"),
+    (List, ([1.0, 2.0, 1.0],), "period", r"values: \[1.0, 2.0, 1.0\] has a value twice"),
+    (Uniform, (0, 1), "controller.anti_windup", r"gets numbers, expected texts \(!Choice\)"),
+    (Choice, (["true", "maybe"],), "controller.anti_windup", "'maybe', expected true or false"),
+    (Choice, (["a\0.yaml"],), "motion", r"values: 'a\\x00.yaml', expected printable"),
 ]
 
 
-@pytest.mark.parametrize(("distribution", "field", "message"), BAD_VARIABLES)
-def test_bad_variables(base, distribution, field, message):
-    with pytest.raises(InputError, match=rf"variables\[1\].*{message}"):
-        Study(variables=[variable(distribution, field)]).validate(base)
+@pytest.mark.parametrize(("distribution", "numbers", "field", "message"), BAD_VARIABLES)
+def test_bad_variables(base, distribution, numbers, field, message):
+    with pytest.raises(InputError, match=message):
+        Study(variables=[variable(distribution(*numbers), field)]).validate(base)
 
 
 U = variable(Uniform(0, 1))
 ZETA = variable(Uniform(0, 1), "controller.zeta", name="a")
 ZETA_2 = variable(Uniform(0, 1), "controller.zeta[2]", name="b")
 BAD_STUDIES = [
-    ([Variable("x", distribution=List([1.0]))], {}, "fields: none"),
     ([U, U], {}, "disturbance.amplitude names two variables"),
     ([variable(Grid(0, 1))], {"draws": 2}, "draws: 2, but no variable is random; remove"),
     ([U], {"draws": 10**8}, "runs, expected at most 10,000,000"),
     ([U], {"name": "../x"}, "name: ../x, expected the name of a folder"),
     ([ZETA, ZETA_2], {}, r"controller.zeta\[2\] is set by a and b"),
-    ([variable(Uniform(0, 1), name="rms_torque_share_4")], {}, "_4 is a column of the results"),
+    ([], {}, "variables: none, expected at least one"),
 ]
+BAD_ONES = [
+    ({"distribution": List([1.0])}, "fields: none"),
+    ({"fields": ["period"]}, "distribution: missing, expected !Uniform, !Normal"),
+    ({"fields": ["period"], "distribution": List([1.0]), "name": "rms_torque_share_4"},
+     "name: rms_torque_share_4 is a column of the results"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("variables", "options", "message"), BAD_STUDIES)
 def test_bad_studies(base, variables, options, message):
     with pytest.raises(InputError, match=message):
         Study(variables=variables, **options).validate(base)
+
+
+@pytest.mark.parametrize(("fields", "message"), BAD_ONES)
+def test_bad_fields_of_a_variable(fields, message):
+    with pytest.raises(InputError, match=f"^variable.*: {message}"):
+        Variable(**fields)
 
 
 # --- draws -----------------------------------------------------------------------------------
@@ -148,7 +159,7 @@ def test_scenario_of_a_row(base):
     changes |= {"omega_r": 2 * 65.991, "anti_windup": True}
     expected = {f"controller.{name}": value for name, value in changes.items()}
     expected |= {"disturbance.amplitude": 0.5, "accuracy": 1e-3}  # of studies
-    assert study.scenario_of(base, inputs) == with_fields(base, expected)
+    assert base.changed(study.changes(base, inputs)) == base.changed(expected)
     assert base.controller.kind == "pi"
 
 
@@ -158,9 +169,9 @@ def test_scenario_of_a_row(base):
 @pytest.fixture
 def scenario() -> Scenario:
     """With a friction and a device."""
-    scenario = Scenario(device=DeviceChoice(motors=["a", "b"]))
-    scenario.plant.friction = Friction(coulomb=[1.0, 2.0, 4.0])
-    return scenario
+    device = DeviceChoice(motors=["a", "b"], fitted=["", ""])
+    changes = {"device": device, "plant.friction": Friction(coulomb=[1.0, 2.0, 4.0])}
+    return load_scenario("coupled_pi", changes)
 
 
 def test_a_change_is_refused_where_the_study_would_overwrite_it():

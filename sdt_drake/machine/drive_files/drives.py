@@ -19,7 +19,7 @@ from sdt_drake.io.fields import (
     Problems,
     Some,
     Whole,
-    check,
+    check_joints,
     setting,
 )
 from sdt_drake.io.yaml_files import load_yaml
@@ -48,7 +48,7 @@ SPEED_UNITS = {
 """Units of 60FFh and 60B1h in rpm of the motor; 0 for encoder increments per second."""
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Axis(Input):
     """The drive of a joint; **motor side**."""
 
@@ -67,7 +67,7 @@ class Axis(Input):
     maximum_torque: Positive | None = setting(None, unit="N m", side="motor")
     """Maximum torque of the drive; by default the largest per mille value of 16 bits, if the
     drive reads torques."""
-    objects: Some[Annotated[str, OneOf(tuple(OBJECTS))]] = setting(["607Ah", "60B1h", "60B2h"])
+    objects: Some[Annotated[str, OneOf(tuple(OBJECTS))]] = setting(("607Ah", "60B1h", "60B2h"))
     """CiA 402 objects that the drive reads in every cycle."""
 
     def problems(self) -> Problems:
@@ -80,7 +80,7 @@ class Axis(Input):
             yield "objects", "neither a position nor a speed, expected 607Ah or 60FFh among them"
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Drives(Input):
     """The drives of a device."""
 
@@ -146,5 +146,5 @@ def load_drives(path: str | Path, n: int) -> Drives:
     0.001
     """
     drives, file = load_yaml(Drives, path, "drives")
-    check(drives, str(file), n)
+    check_joints(drives, file, n)
     return drives

@@ -1,6 +1,6 @@
 """Recordings of flights, read from files with any columns and units into motion of the head."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from sdt_drake.io.arguments import finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Number, OneOf, Problems, setting
+from sdt_drake.io.fields import Number, OneOf, Problems, Values, setting
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
@@ -34,16 +34,16 @@ _THREE: dict[str, Any] = {"min_length": 3, "max_length": 3}
 _Direction = Annotated[Number, Field(ge=-1, le=1)]
 
 
-@dataclass
+@dataclass(frozen=True)
 class FlightColumns(Layout):
     """The columns of a flight recording's file, with their units and axes.
 
     The default is the package's own format. Columns are given by name, or by number from 1.
     """
 
-    force: list[str] = setting(["f_x", "f_y", "f_z"], **_THREE)
+    force: Values[str] = setting(("f_x", "f_y", "f_z"), **_THREE)
     """Columns of specific force along x, y, z, as accelerometers measure it."""
-    omega: list[str] = setting(["omega_x", "omega_y", "omega_z"], **_THREE)
+    omega: Values[str] = setting(("omega_x", "omega_y", "omega_z"), **_THREE)
     """Columns of angular rate about x, y, z."""
     force_unit: Annotated[str, OneOf(tuple(_FORCES))] = "m/s2"
     """Unit of forces: "m/s2", "g" or "ft/s2"."""
@@ -51,12 +51,12 @@ class FlightColumns(Layout):
     """Unit of rates: "rad/s" or "deg/s"."""
     axes: Annotated[str, OneOf(tuple(_AXES))] = "flu"
     """Axes: "flu" (x forward, y left, z up) or "frd" (x forward, y right, z down)."""
-    force_direction: list[_Direction] = setting([1.0] * 3, unit="-", **_THREE)
+    force_direction: Values[_Direction] = setting((1.0,) * 3, unit="-", **_THREE)
     """Direction of each force column: 1, or -1 for the opposite sign of `axes`, such as a load
     factor that is positive upwards with axes "frd"."""
-    omega_direction: list[_Direction] = setting([1.0] * 3, unit="-", **_THREE)
+    omega_direction: Values[_Direction] = setting((1.0,) * 3, unit="-", **_THREE)
     """Direction of each rate column: 1, or -1 for the opposite sign of `axes`."""
-    lever: list[Number] = setting([0.0] * 3, unit="m", **_THREE)
+    lever: Values[Number] = setting((0.0,) * 3, unit="m", **_THREE)
     """Position of the sensor relative to the pilot's head, x forward, y left, z up; 0 by
     default."""
 
@@ -64,7 +64,7 @@ class FlightColumns(Layout):
         yield from Layout.problems(self)
         for name in ("force_direction", "omega_direction"):
             if any(abs(x) != 1 for x in getattr(self, name)):
-                yield name, f"{getattr(self, name)}, expected 1 and -1"
+                yield name, f"{[*getattr(self, name)]}, expected 1 and -1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +240,7 @@ def suspicious_flight(flight: Flight) -> Iterator[str]:
         )
 
 
-def _columns(numbers: Numbers, names: list[str], what: str) -> Array:
+def _columns(numbers: Numbers, names: Sequence[str], what: str) -> Array:
     """Return columns given by names or numbers, shape (N, len(names))."""
     places = []
     for name in names:

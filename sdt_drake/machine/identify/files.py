@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario, save_scenario
 
+_MOTION = "motion.csv"  # the recorded motion, once it is written
 _OWN = "real_device"  # scenario of the shipped device with real drives and sensors
 _MARGIN = 0.9  # share of the limits that a motion uses; of torque, after gravity
 _MAX_STANDING = 0.98  # share of the largest torque that a motor may need at standstill
@@ -40,7 +41,7 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
     Args:
         robot: The recorded robot.
         base: Name or file of a scenario of that robot. The default for the shipped robot is a
-            shipped scenario; for others, a cascade with feedforward and no motion.
+            shipped scenario; for others, a cascade with feedforward and the recorded motion.
 
     Raises:
         InputError: The scenario is bad, or its robot has other joints.
@@ -56,11 +57,8 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
                 f"{', '.join(robot.joint_names)} as in {robot.path}"
             )
         return scenario
-    scenario = Scenario(motion="")
-    scenario.controller = ControllerChoice(
-        kind="p_pi", omega_r=_OMEGA_R, feedforward="id", friction_compensation=True
-    )
-    return scenario
+    controller = ControllerChoice(kind="p_pi", omega_r=_OMEGA_R, feedforward="id")
+    return Scenario(motion=_MOTION, controller=controller)
 
 
 def write_files(
@@ -72,23 +70,29 @@ def write_files(
         found: The identification.
         robot: The identified robot.
         friction: Friction of the identified robot.
-        scenario: A `base_scenario`. Without a motion, the recorded motion is used.
+        scenario: A `base_scenario`.
         folder: An existing folder.
 
     Returns:
         Changes of the recorded motion, as sentences.
     """
-    scenario, notes = copy.deepcopy(scenario), list[str]()
+    notes = list[str]()
+    changes: dict[str, Any] = {
+        "name": "identified",
+        "robot": "robot.sdf",
+        "plant.kind": "coupled",
+        "plant.i_eff": None,
+        "plant.friction": friction.friction,
+        "plant.deviation": Deviation(),
+        "controller.model": Deviation(),
+    }
     save_robot(found, folder / "robot.sdf")
-    scenario.robot = "robot.sdf"
-    if not scenario.motion:
-        scenario.motion = "motion.csv"
+    if scenario.motion == _MOTION:
         motion, notes = recorded_motion(found, robot, scenario.period)
-        motion.to_csv(folder / scenario.motion)
+        motion.to_csv(folder / _MOTION)
+        changes["controller.friction_compensation"] = True
     write_yaml(folder / "friction.yaml", friction.friction)
-    scenario.name, scenario.plant.kind = "identified", "coupled"
-    scenario.plant.friction = friction.friction
-    scenario.plant.deviation = scenario.controller.model = Deviation()
+    scenario = scenario.changed(changes)
     save_scenario(scenario, folder / "scenario.yaml")
     _write_study(found, robot, friction, scenario, folder)
     return notes
@@ -158,10 +162,9 @@ def _write_study(
             first="direction",
         )  # fmt: skip
         # Only the scenario of the study has the directions; with all at 0, it is the same robot.
-        spread = copy.deepcopy(scenario)
-        spread.name = "uncertain"
-        spread.plant.deviation = Deviation(spread="uncertainty.csv", along=[0.0] * len(along))
-        save_scenario(spread, folder / "uncertain.yaml")
+        spread = Deviation(spread="uncertainty.csv", along=(0.0,) * len(along))
+        changes = {"name": "uncertain", "plant.deviation": spread}
+        save_scenario(scenario.changed(changes), folder / "uncertain.yaml")
         text = text.replace("scenario: scenario.yaml", "scenario: uncertain.yaml")
     for k in range(len(along)):
         text += (

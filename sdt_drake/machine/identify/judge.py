@@ -10,6 +10,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import check_joints
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.identify.base_parameters import Unknown
@@ -51,12 +52,7 @@ def load_friction(path: str | Path, robot: Robot) -> Friction:
         InputError: The file is bad, or has another number of joints.
     """
     friction, file = load_yaml(Friction, path)
-    for name in ("coulomb", "viscous", "breakaway", "offset"):
-        values = getattr(friction, name)
-        if values is not None and len(values) != robot.n:
-            raise InputError(
-                f"{file}: {name}: {len(values)} value(s), but the robot has {robot.n} joint(s)"
-            )
+    check_joints(friction, file, robot.n)
     return friction
 
 

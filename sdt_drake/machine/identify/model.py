@@ -8,6 +8,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
@@ -153,14 +154,14 @@ def plant_friction(found: Identified) -> PlantFriction:
         ):
             best, peak = tried, width
     x = np.array([[*found_, 0.0][:3] for found_, _ in best])
-    friction = Friction(coulomb=x[:, 1].tolist(), viscous=x[:, 0].tolist())
+    given: dict[str, Any] = {"coulomb": x[:, 1], "viscous": x[:, 0]}
     if peak is not None:
-        friction.breakaway = (x[:, 1] + x[:, 2]).tolist()
-        friction.stribeck_speed = peak
-    friction.offset = [
-        float(np.mean(law @ found.friction[part])) for law, part in zip(even, parts, strict=True)
+        given |= {"breakaway": x[:, 1] + x[:, 2], "stribeck_speed": peak}
+    given["offset"] = [
+        np.mean(law @ found.friction[part]) for law, part in zip(even, parts, strict=True)
     ]
-    friction.presliding = max(friction.presliding, _softest(found, x[:, 1]))
+    softest = max(Friction().presliding, _softest(found, x[:, 1]))
+    friction = Friction(**given, presliding=softest)
     std, undecided, days = [], [], []
     for k, (v, law, part, (values, _)) in enumerate(zip(speeds, odd, parts, best, strict=True)):
         basis = _basis(v, peak)[:, : len(values)]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -112,11 +111,13 @@ def frequencies(design: Design) -> Array:
 
 def known_loop(design: Design) -> Design:
     """Return the design whose simulated robot is the controller's model."""
-    scenario = copy.deepcopy(design.scenario)
-    scenario.plant.deviation = scenario.controller.model
-    scenario.plant.friction, scenario.controller.friction_compensation = Friction(), False
-    scenario.learned = ""
-    return design.variant(scenario)
+    changes = {
+        "plant.deviation": design.scenario.controller.model,
+        "plant.friction": Friction(),
+        "controller.friction_compensation": False,
+        "learned": "",
+    }
+    return replace(design, learned=None).variant(design.scenario.changed(changes))
 
 
 def poses(design: Design) -> list[int]:

@@ -22,15 +22,16 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
+    Values,
     Whole,
-    check,
+    check_joints,
     setting,
 )
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.flights import Step, next_step
-from sdt_drake.machine.learn.matching import match
+from sdt_drake.machine.learn.matching import Matched, match
 from sdt_drake.machine.recordings import Recorded, check_different, without_spikes
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.run.design import Design
@@ -41,7 +42,7 @@ _MAX_GROWTH = 1.05  # error over that of the best flight
 _MAX_REMAINDER = 0.95  # error over that of the best flight, for another flight to be worthwhile
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class FlightRecord(Input):
     """The result of a real flight from its recordings: one file in the folder of the learning."""
 
@@ -53,9 +54,9 @@ class FlightRecord(Input):
     """Largest |error| of the recordings' mean."""
     rms: EachJoint[NotNegative] = setting(unit="rad", side="joint")
     """RMS error that repeats: that of the mean, less the remaining noise."""
-    floor: EachJointOrNone[NotNegative] = setting([], unit="rad", side="joint")
+    floor: EachJointOrNone[NotNegative] = setting((), unit="rad", side="joint")
     """RMS error that does not repeat; only with several recordings."""
-    shifts: list[Number] = setting([], unit="s")
+    shifts: Values[Number] = setting((), unit="s")
     """Start of the motion in each recording."""
 
     @property
@@ -100,7 +101,7 @@ def read_state(folder: Path, design: Design) -> State:
     for number in range(1, 1 + count_flights(folder)):
         file = flight_file(folder, number)
         flight, _ = load_yaml(FlightRecord, file)
-        check(flight, str(file), design.robot.n)
+        check_joints(flight, file, design.robot.n)
         if flight.reference > len(references):
             raise InputError(
                 f"{file}: reference: {flight.reference}, expected 1 to {len(references)}"
@@ -171,8 +172,7 @@ def teach(
             "recordings of one reference"
         )
     number = flown.pop()
-    flight = _record(design.wanted.q, [one.q for one in found], number + 1)
-    flight.shifts = [one.shift for one in found]
+    flight = _record(design.wanted.q, found, number + 1)
     _refuse_growth(flight, state, recordings[0].path)
     error = np.mean([one.q for one in found], axis=0) - design.wanted.q
     given = design if number == 0 else design.given(state.references[number])
@@ -187,12 +187,12 @@ def teach(
     return Taught(flight, step, notes)
 
 
-def _record(planned: Array, flown: Sequence[Array], reference: int) -> FlightRecord:
+def _record(planned: Array, found: Sequence[Matched], reference: int) -> FlightRecord:
     """Return the result of a flight, with repeating error and noise separated.
 
     The variance of m recordings has m - 1 degrees of freedom. Their mean has 1/m of it.
     """
-    count = len(flown)
+    flown, count = [one.q for one in found], len(found)
     error = np.mean(flown, axis=0) - planned
     square, floor = np.mean(error**2, axis=0), np.zeros(0)
     if count > 1:
@@ -204,6 +204,7 @@ def _record(planned: Array, flown: Sequence[Array], reference: int) -> FlightRec
         largest=np.abs(error).max(axis=0).tolist(),
         rms=np.sqrt(square).tolist(),
         floor=floor.tolist(),
+        shifts=[one.shift for one in found],
     )
 
 

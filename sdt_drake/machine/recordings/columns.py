@@ -30,7 +30,7 @@ RECORDED_SIGNALS = (*ANGLES, *TORQUES)
 torque, its mean over the sample period before, torque feedforward."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Layout(Input):
     """The format of a file of columns, and the time of its rows."""
 
@@ -69,7 +69,7 @@ class Layout(Input):
             yield "rate", "expected only with time: ''" if self.time else missing
 
 
-@dataclass
+@dataclass(frozen=True)
 class Columns(Layout):
     """The columns of a recording's file, with their units; the default is the package's own format.
 
@@ -78,21 +78,21 @@ class Columns(Layout):
     whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
     """
 
-    q: SomeNames = setting(["q_{k}"])
+    q: SomeNames = setting(("q_{k}",))
     """Columns of the positions."""
-    v: Names = setting(["v_{k}"])
+    v: Names = setting(("v_{k}",))
     """Columns of the speeds (optional)."""
-    tau: SomeNames = setting(["tau_{k}"])
+    tau: SomeNames = setting(("tau_{k}",))
     """Columns of the torques."""
-    tau_mean: Names = setting(["tau_mean_{k}"])
+    tau_mean: Names = setting(("tau_mean_{k}",))
     """Columns of the mean torques over the sample period before; `identify` prefers them."""
-    q_ref: Names = setting(["q_ref_{k}"])
+    q_ref: Names = setting(("q_ref_{k}",))
     """Columns of the position reference, for `replay`."""
-    v_ref: Names = setting(["v_ref_{k}"])
+    v_ref: Names = setting(("v_ref_{k}",))
     """Columns of the speed reference, for `replay`."""
-    vd_ref: Names = setting(["vd_ref_{k}"])
+    vd_ref: Names = setting(("vd_ref_{k}",))
     """Columns of the acceleration reference, for `replay`."""
-    tau_ff: Names = setting(["tau_ff_{k}"])
+    tau_ff: Names = setting(("tau_ff_{k}",))
     """Columns of the torque feedforward, for `replay`."""
     angle: Annotated[str, OneOf(("rad", "deg"))] = "rad"
     """Unit of positions and speeds: "rad" or "deg"."""

@@ -126,7 +126,7 @@ def _conversions(n: int, columns: Columns) -> dict[str, tuple[Array, Array]]:
     }
 
 
-def _each(values: list[float], name: str, n: int) -> Array:
+def _each(values: Sequence[float], name: str, n: int) -> Array:
     """Return one value for each of n joints."""
     if len(values) != n:
         raise InputError(f"{name}: {len(values)} value(s), but the robot has {n} joint(s)")

@@ -105,7 +105,7 @@ def friction_notes(found: Identified, files: PlantFriction) -> list[str]:
     falling = [
         str(k + 1)
         for k in np.flatnonzero(found.equations.moves.any(axis=0))
-        if (files.friction.viscous or [])[k] == 0
+        if (files.friction.viscous or [])[int(k)] == 0
     ]
     if falling:
         notes.append(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -104,8 +103,8 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
         design: the design of the first flight.
         lessons: the flights so far.
     """
-    scenario = copy.deepcopy(design.scenario)
-    scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
+    name = f"{design.scenario.name}_learned"
+    scenario = design.scenario.changed({"name": name, "learned": LEARNED})
     with replacing_files(folder) as new:
         lessons.best.learned.to_csv(new / LEARNED, design.wanted)
         save_scenario(scenario, new / SCENARIO)

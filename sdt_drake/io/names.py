@@ -1,0 +1,84 @@
+"""Fields by dotted names, such as "controller.kp[2]": reading them, and changing them in copies."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from sdt_drake.io.errors import InputError, one_line
+
+_PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")
+
+
+def parts_of(name: str) -> list[tuple[str, int | None]]:
+    """Return the field and the entry, if any, of each part of a dotted name.
+
+    >>> parts_of("controller.kp[2]")  # entries are counted from 1 in names, from 0 in Python
+    [('controller', None), ('kp', 1)]
+
+    Raises:
+        InputError: the text is no dotted name, or a part before the last one has an entry.
+    """
+    matches = [_PART.fullmatch(part) for part in name.split(".")]
+    if not all(matches) or any(match[2] for match in matches[:-1] if match):
+        raise InputError("expected the dotted name of a field, 'controller.kind'", place=name)
+    return [(match[1], int(match[2]) - 1 if match[2] else None) for match in matches if match]
+
+
+def value_of(thing: Any, name: str) -> Any:
+    """Return the value of a field of an object, or of an entry of its list."""
+    for field, entry in parts_of(name):
+        thing = getattr(thing, field)
+        thing = thing if entry is None else thing[entry]
+    return thing
+
+
+def given_fields(thing: Any) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of the fields of an object, except those left at None."""
+    for field in dataclasses.fields(thing):
+        value = getattr(thing, field.name)
+        if value is not None or field.default is not None:
+            yield field.name, value
+
+
+def put(thing: object, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of an object or a mapping, with other values by dotted names.
+
+    Parts that change are mappings in the result; missing ones are added.
+
+    Raises:
+        InputError: a name is no dotted name, or names an entry that its list does not have.
+    """
+    if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
+        text = "expected values by dotted names, {'controller.kind': 'p_pi'}"
+        raise InputError(f"{one_line(changes)}, {text}", place="changes")
+    data = _opened(thing, "")
+    for name, value in changes.items():
+        *parents, (last, entry) = parts_of(name)
+        owner = data
+        for parent, _ in parents:
+            owner[parent] = _opened(owner.get(parent), name)
+            owner = owner[parent]
+        owner[last] = value if entry is None else _with_entry(owner.get(last), entry, value, name)
+    return data
+
+
+def _opened(thing: object, name: str) -> dict[str, Any]:
+    """Return the fields of a part as a new mapping."""
+    if dataclasses.is_dataclass(thing):
+        return dict(given_fields(thing))
+    if thing is None or isinstance(thing, dict):
+        return dict(thing or {})
+    raise InputError("expected the dotted name of a field, 'controller.kind'", place=name)
+
+
+def _with_entry(entries: Any, entry: int, value: Any, name: str) -> list[Any]:
+    """Return a list with another entry."""
+    count = len(entries) if isinstance(entries, list | tuple) else 0
+    if entry >= count:
+        accepted = f"[1] to [{count}], or the whole list" if count else "the whole list"
+        text = f"the list has {count or 'no'} entries, expected {accepted}"
+        raise InputError(text, place=name)
+    return [*entries[:entry], value, *entries[entry + 1 :]]
