@@ -27,6 +27,7 @@ import re
 import typing
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
 
@@ -53,7 +54,7 @@ Problems = Iterator[tuple[str, str]]
 """Violated rules between fields: the dotted name of a field, and a text."""
 
 _MAX_SHOWN = 60  # characters of a value in messages
-_MAX_MISSING = 1000  # short names of files that are looked for in vain
+_MAX_MISSING, _MAX_MAPPINGS = 1000, 20_000  # names of no file, and mappings of models, in a file
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # text in YAML 1.1
 
 
@@ -139,12 +140,12 @@ class FileOf:
             return text
         folder = Path.cwd() if isinstance(text, FromHere) else folder
         context = cast(dict[str, Any], info.context)
-        if (count := context.get("missing", 0)) == _MAX_MISSING:
+        if (missing := context.get("missing", 0)) == _MAX_MISSING:
             return text  # the whole object is refused already
         try:
-            return beside(str(text), folder, self.kind, similar=count < MAX_PROBLEMS)
+            return beside(str(text), folder, self.kind, similar=missing < MAX_PROBLEMS)
         except InputError as error:
-            context["missing"] = count + 1
+            context["missing"] = missing + 1
             raise _refused(*error.problems) from None
 
 
@@ -230,6 +231,8 @@ class Input:
             data = {}  # a key without a value: "friction:"
         if not isinstance(data, dict):
             raise PydanticCustomError("model", "no model")
+        if next((info.context or {})["mappings"]) >= _MAX_MAPPINGS:  # each may have many problems
+            raise _refused(Problem(f"more than {_MAX_MAPPINGS} mappings"))
         tag = data.get("_tag", _tag(cls))
         if tag != _tag(cls):
             raise _refused(Problem(f"unknown kind {tag}", _tag(cls)))
@@ -307,7 +310,7 @@ def made(schema: type[T], data: Any, file: Path) -> T:
     """
     if data is None:
         raise InputError(Problem("empty", expected(schema_of(cast(Any, schema))), where=str(file)))
-    return _made(schema, data, str(file), {"folder": file.resolve().parent})
+    return _made(schema, data, str(file), {"folder": file.resolve().parent, "mappings": count()})
 
 
 def _made(

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from sdt_drake.io import fields
 from sdt_drake.io.errors import MAX_NUMBER, MAX_PROBLEMS, InputError
 from sdt_drake.io.fields import Input, check_joints, made
 from sdt_drake.io.names import given_fields, value_of
@@ -283,6 +284,12 @@ def test_of_many_mistakes_only_those_that_are_told_cost_time(
     assert len(told) == MAX_PROBLEMS >= len(searched)
     assert re.fullmatch(rf"{tmp_path}/a.yaml: {more or '[0-9]+'} more", last)
     assert all("another problem" not in line for line in told)
+
+
+def test_a_file_has_not_more_mappings_than_are_checked_in_time(monkeypatch):
+    monkeypatch.setattr(fields, "_MAX_MAPPINGS", 3)
+    with pytest.raises(InputError, match=r"motors\[3\]: more than 3 mappings"):
+        load_catalogue()
 
 
 OPEN = ("p_pi", "pi_scheduled")  # kinds that leave the feedforward to the scenario
