@@ -310,13 +310,14 @@ def made(schema: type[T], data: Any, file: Path) -> T:
     """
     if data is None:
         raise InputError(Problem("empty", expected(schema_of(cast(Any, schema))), where=str(file)))
-    return _made(schema, data, str(file), {"folder": file.resolve().parent, "mappings": count()})
+    return _made(schema, data, str(file), {"folder": file.resolve().parent})
 
 
 def _made(
     schema: type[T], data: Any, where: str, context: dict[str, Any], instance: Any = None
 ) -> T:
     """Make an object of a model, or fill the fields of `instance`."""
+    context = {**context, "mappings": count()}
     validator = adapter(cast(Any, schema)).validator
     try:
         made_ = validator.validate_python(data, context=context, self_instance=instance)
