@@ -249,7 +249,8 @@ def load_scenario(
 ) -> Scenario:
     """Load a scenario from YAML by file or short name.
 
-    Relative paths in the file start from its folder and become absolute.
+    Relative paths in the file start from its folder and become absolute. `changed` of a scenario
+    returns a copy with other values, by the same names.
 
     Args:
         path: YAML file, or short name of a shipped scenario.
