@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.threads import threads
@@ -79,8 +80,9 @@ class Compared:
 
     @cached_property
     def blocks(self) -> int:
-        """Number of Drake systems in the loop, including those inside sub-diagrams."""
-        return len(blocks_of(make_loop(self.design).diagram))
+        """Number of Drake systems in the loop and its sub-diagrams, without mere lines."""
+        systems = blocks_of(make_loop(self.design).diagram)
+        return sum(not isinstance(system, PassThrough) for system in systems)
 
     @property
     def needs(self) -> tuple[str, ...]:
