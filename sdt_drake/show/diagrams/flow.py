@@ -39,12 +39,17 @@ class Flow:
     def _cut(self) -> Path | None:
         """Remove edges until no cycle is left, and return the item where the loop begins.
 
-        Edges to the items nearest to the source are removed first.
+        Edges to the items nearest to the source are removed first; of items that are equally near,
+        to that with the farthest source.
         """
         rank = {path: number for number, path in enumerate(self._nearest)}
+        steps: dict[Path, int] = {}
+        for path, before in self._nearest.items():
+            steps[path] = 1 + (max(steps.values(), default=0) if before is None else steps[before])
         entry = None
         while core := _cyclic(self.ahead):
-            cut = min(core, key=lambda edge: (rank[edge[1]], rank[edge[0]]))
+            far = {t: max(steps[s] for s, target in core if target == t) for _, t in core}
+            cut = min(core, key=lambda e: (steps[e[1]], -far[e[1]], rank[e[1]], rank[e[0]]))
             entry = entry or cut[1]
             self.ahead.remove(cut)
         return entry

@@ -73,7 +73,8 @@ class _Drawing:
         self.lines = {wire: _corners(line) for wire, line in self.router.lines.items()}
         self.frames = [frame for frame in picture.frame.frames() if frame.path]
         # Rectangles that no text may cover.
-        self.taken = [self.rects[block.path] for block in picture.frame.blocks()]
+        blocks = [self.rects[block.path] for block in picture.frame.blocks()]
+        self.taken = 4 * blocks  # worse to cover than lines
         for a, b in chain.from_iterable(map(pairwise, self.lines.values())):
             self.taken.append(bounds([Rect(*a, *a), Rect(*b, *b)], 0.05))
         for frame in self.frames:

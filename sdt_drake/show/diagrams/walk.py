@@ -2,8 +2,9 @@
 
 Symbols are texts on blocks in place of their names, by the name of a system, of its class or of a
 base class. "name.inner" is a system in a Diagram of that name. A symbol may also be a function of
-the system. A Diagram with a symbol is drawn as one block and never opened; with the symbol "" it is
-opened without a frame. A system with a symbol gives its own name to an output that Drake has named.
+the system. A Diagram with a symbol is drawn as one block and never opened. With the symbol "" it is
+opened without a frame, at the level of what is around it. A system with a symbol gives its own name
+to an output that Drake has named.
 """
 
 from __future__ import annotations
@@ -142,10 +143,8 @@ class _Walk:
         for system, child in paths.items():
             if isinstance(system, primitives.PassThrough):
                 self.before[child, "out", 0] = child, "in", 0
-            elif isinstance(system, Diagram) and self.symbols[child] == "":
-                self._open(child, depth)
-            elif isinstance(system, Diagram) and self.symbols[child] is None and depth > 0:
-                self._open(child, depth - 1)
+            elif isinstance(system, Diagram) and not self.symbols[child] and depth > 0:
+                self._open(child, depth if self.symbols[child] == "" else depth - 1)
             elif not isinstance(system, primitives.VectorLogSink):
                 self.leaves.append(child)
 
@@ -230,7 +229,7 @@ class _Walk:
 
     def _block(self, path: Path, minus: str) -> Block:
         system, symbol = self.systems[path], self.symbols[path]
-        if symbol is not None:
+        if symbol:
             return Block(path, minus + symbol)
         if isinstance(system, primitives.Adder):  # a circle has three sides for inputs
             return Block(path, "", "sum") if system.num_input_ports() <= 3 else Block(path, "Σ")
