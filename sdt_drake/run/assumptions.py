@@ -13,7 +13,7 @@ from sdt_drake.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Assumptions:
-    """What an analysis assumes of the device, unlike the scenario; nothing by default."""
+    """Assumptions of an analysis about the device, unlike the scenario; none by default."""
 
     limited: bool = True
     """Whether the motors have limits. Without, peak and saturation in a `Recording` have no

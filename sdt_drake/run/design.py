@@ -63,7 +63,7 @@ class Design(Shown):
     fed: Feedforward | None = None
     """A torque feedforward that replaces the controller's own; by default the controller's own."""
     assumptions: Assumptions = field(default_factory=Assumptions)
-    """What an analysis assumes of the device, unlike the scenario."""
+    """Assumptions of an analysis about the device, unlike the scenario."""
 
     def summary(self) -> Summary:
         columns = {

@@ -1,4 +1,4 @@
-"""What a loop logs during a run, and the command just after each update of its inputs."""
+"""The logs of a run, and the command just after each update of its inputs."""
 
 from __future__ import annotations
 
