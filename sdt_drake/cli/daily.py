@@ -128,7 +128,7 @@ def identify(
         held_out: share at the end of each recording that is held out without `validate` [-].
 
     Returns:
-        Parameters with their uncertainty, and `warnings` about suspicious data.
+        Parameters with their uncertainty, and `findings` that speak against the recordings.
         `sdt_drake.show.reports.identification` writes figures and files of it.
 
     Raises:

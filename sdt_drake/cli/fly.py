@@ -57,13 +57,14 @@ def run(
     """
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.cli.plan import driven
-    from sdt_drake.machine.fly.flight import read_flight, suspicious_flight
+    from sdt_drake.machine.diagnose.flight import check_flight
+    from sdt_drake.machine.fly.flight import read_flight
     from sdt_drake.show.reports.fly import FILES, write_flown
 
     common.check_folder(out, FILES)
     device = sdt.load_robot(robot) if envelope is None else driven(envelope, None)
     recorded = read_flight(flight, columns)
-    for line in suspicious_flight(recorded):
+    for line in check_flight(recorded):
         echo(f"suspicious: {line}")
     with common.naming_fields({"knot": "--knot", "approach": "--approach"}):
         flown = sdt.fly(

@@ -74,8 +74,8 @@ def run(
     better, files = identified_robot(found), plant_friction(found)
     for line in analysis.result(found):
         echo(line)
-    for line in found.warnings:
-        echo(f"warning: {line}")
+    for one in found.findings:
+        echo(f"warning: {one}")
     echo()
     print_document_table(analysis.errors_table(found, better))
     echo()
@@ -109,5 +109,7 @@ def _judge(
     judged = judging.judge(model, recorded, friction, cutoff)
     for line in judged_in_words(judged):
         echo(line)
+    for one in judged.findings:
+        echo(f"warning: {one}")
     echo()
     print_document_table(judged_table(judged))

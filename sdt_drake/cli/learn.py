@@ -238,8 +238,8 @@ def _step_in(
         design.robot.joint_names,
         [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
     )
-    for note in taught.notes:
-        echo(f"note: {note}")
+    for one in taught.findings:
+        echo(f"note: {one}")
     if not flight.floor:
         echo("note: with several recordings of a flight, errors that do not repeat are separated")
 

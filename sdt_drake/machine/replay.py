@@ -17,7 +17,9 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.io.tables import write_table
-from sdt_drake.machine.recordings import Recorded, without_spikes
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.spikes import without_spikes
+from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated, resampled
 from sdt_drake.robot.deviation import Deviation
@@ -47,15 +49,6 @@ FED = "with the load that the model lacks"
 FEEDFORWARD = "recorded feedforward alone"
 ALONE = "controller alone, on the recorded motion"
 
-EXPLAINED_SHARE = 0.99
-"""Share of a recording's mean square from which the simulation counts as complete."""
-
-ROUND_OFF = 1e-9
-"""RMS below which a joint's recording counts as zero, as a share of the largest joint's RMS."""
-
-_CLEAR_SHARE = 0.02  # share of a recording's mean square by which another case must explain more
-_MOST = 2.0  # largest torque that the plant may lack, over the motor's limit
-_UNSATURATED_SHARE = 0.95  # share of the available torque below which a motor is not at its limit
 _WINDOW = 0.1  # s; faster changes of a torque are noise of encoders
 
 Signals = Mapping[str, Array]
@@ -118,7 +111,7 @@ class Replay(Shown):
         if not shares:
             return {}
         most = np.max(list(shares.values()), axis=0)
-        is_clear = (most > 0) & (most > np.maximum(as_it_is, 0) + _CLEAR_SHARE)
+        is_clear = (most > 0) & (most > np.maximum(as_it_is, 0) + c.CLEAR_SHARE)
         return {
             x: found for x, share in shares.items() if (found := is_clear & (share == most)).any()
         }
@@ -129,7 +122,7 @@ class Replay(Shown):
         NaN for a recording of zeros or round-off.
         """
         recorded, off = self.recorded_rms(quantity), self.difference(quantity, case)
-        is_nothing = recorded <= ROUND_OFF * np.maximum(recorded.max(), off)
+        is_nothing = recorded <= c.ROUND_OFF * np.maximum(recorded.max(), off)
         return off / np.where(is_nothing, np.nan, recorded)
 
     @property
@@ -146,7 +139,7 @@ class Replay(Shown):
         if name is None or FED not in self.courses:
             return None
         stays = (self.difference(name, FED) / np.maximum(self.difference(name), 1e-12)) ** 2
-        is_open = self.explained(name) <= EXPLAINED_SHARE
+        is_open = self.explained(name) <= c.EXPLAINED_SHARE
         return np.where(is_open, np.clip(1 - stays, 0, 1), np.nan)
 
     def to_csv(self, path: str | Path) -> None:
@@ -197,7 +190,7 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     measured, start = _measured(motion, at)
     if "torque" in measured:
         # No motor gives more, and the simulation of a joint that races would not end.
-        most = _MOST * robot.motor_torque_limit
+        most = c.MAX_LACKING * robot.motor_torque_limit
         lacking = np.clip(measured["torque"], -most, most) - courses[AS_IT_IS]["torque"]
         if "tau_ff" in at:
             courses[FEEDFORWARD] = {"torque": at["tau_ff"]}
@@ -282,7 +275,7 @@ def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
     lowest, highest = envelope(design, at["v"])
     # Limits of the motors, with or without the simulation's wider ones.
     least, most = np.minimum(lowest, run.tau_limited), np.maximum(highest, run.tau_limited)
-    inside = (at["tau"] > _UNSATURATED_SHARE * least) & (at["tau"] < _UNSATURATED_SHARE * most)
+    inside = (at["tau"] > c.UNSATURATED * least) & (at["tau"] < c.UNSATURATED * most)
     lacking = np.where(inside, at["tau"] - run.tau_cmd, 0.0)
     asked = run.tau_cmd + lacking.sum(axis=0) / np.maximum(1, inside.sum(axis=0))
     return {"torque": np.clip(asked, least, most)}

@@ -24,48 +24,46 @@ sys.path[:0] = [str(TESTS), str(TESTS / "machine")]
 import simulated_recordings as simulated
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.identify.procedure import identify
 
-NEUTRAL = (
-    "wrong side (--side) or unit", "at its limit", "hardly excited", "too little excitation",
-    "stands still", "physically consistent links",
-)  # fmt: skip
-"""Warnings that blame no recording."""
+NEUTRAL = {"beyond limit", "at limit", "excitation", "still", "inconsistent"}
+"""Kinds of findings that blame no recording."""
 
 EXPECTED = {
-    "jitter": "uneven sampling",
-    "rounded": "times were rounded",
-    "missing": "are missing",
-    "repeated": "repeat the one before",
-    "held": "torque_delay: ",
-    "frozen_q": "frozen",
-    "frozen_tau": "frozen",
-    "clipped": "clipped",
-    "speeds_in_degrees": "in degrees",
-    "speeds_of_motors": "those of the motor",
-    "speeds_late": "speeds are",
-    "clock": "is a second of the clock",
-    "degrees": "angle: deg",
-    "torque_late": "torques are recorded late",
-    "torque_of_one_late": "joint 2: ",
-    "kilo": "in kN m",
-    "milli": "in N mm",
-    "motor_side": "of the motors",
-    "amperes": "a current",
-    "per_mille": "per mille",
-    "swapped": "tau_2 and tau_3 swapped",
-    "reversed_order": "from the tip to the base",
-    "torque_sign": "with the opposite sign",
-    "direction": "the opposite direction of joint",
-    "zero": "an offset of q_2",
-    "ceiling": "upside down",
-    "wall": "as on a wall",
-    "tilt": "turned by 20 degrees",
-    "drift": "friction",
-    "hysteresis": "builds up over an angle",
-    "spring": "acts on its position",
+    "jitter": ("uneven", ""),
+    "rounded": ("rounded", ""),
+    "missing": ("missing", ""),
+    "repeated": ("repeated", ""),
+    "held": ("held", "torque_delay: "),
+    "frozen_q": ("frozen", "q_"),
+    "frozen_tau": ("frozen", "tau_"),
+    "clipped": ("clipped", ""),
+    "speeds_in_degrees": ("speeds", "in degrees"),
+    "speeds_of_motors": ("speeds", "those of the motor"),
+    "speeds_late": ("late speeds", ""),
+    "clock": ("clock", ""),
+    "degrees": ("degrees", "angle: deg"),
+    "torque_late": ("late torques", ""),
+    "torque_of_one_late": ("residual", "joint 2: "),
+    "kilo": ("unit", "in kN m"),
+    "milli": ("unit", "in N mm"),
+    "motor_side": ("unit", "of the motors"),
+    "amperes": ("unit", "a current"),
+    "per_mille": ("unit", "per mille"),
+    "swapped": ("columns", "tau_2 and tau_3 swapped"),
+    "reversed_order": ("columns", "from the tip to the base"),
+    "torque_sign": ("columns", "with the opposite sign"),
+    "direction": ("columns", "the opposite direction of joint"),
+    "zero": ("columns", "an offset of q_2"),
+    "ceiling": ("columns", "upside down"),
+    "wall": ("columns", "as on a wall"),
+    "tilt": ("columns", "turned by 20 degrees"),
+    "drift": ("residual", "friction"),
+    "hysteresis": ("residual", "builds up over an angle"),
+    "spring": ("residual", "acts on its position"),
 }
-"""What is to be said of each fault."""
+"""The kind of the finding for each fault, and words of its sentence or remedy."""
 
 
 def recording(name: str, fault: str, seed: int):
@@ -79,17 +77,27 @@ def recording(name: str, fault: str, seed: int):
     return truth.robot, put_in(truth, np.random.default_rng([seed, 7]))
 
 
+def blames(found) -> list[Finding]:
+    """Findings of an identification that blame its recording."""
+    return [one for one in found.findings if one.kind not in NEUTRAL]
+
+
+def names(one: Finding, fault: str) -> bool:
+    """True if a finding names a fault."""
+    kind, words = EXPECTED[fault]
+    return one.kind == kind and words in str(one)
+
+
 def verdict(name: str, fault: str, seed: int) -> tuple[str, str]:
     """How a recording is judged, and the suspicions."""
     robot, recorded = recording(name, fault, seed)
     try:
-        lines = identify(robot, [recorded]).warnings
+        said = blames(identify(robot, [recorded]))
     except InputError as error:  # no links can be that have such torques
-        lines = tuple(error.lines)
-    said = [line for line in lines if not any(words in line for words in NEUTRAL)]
-    right = [line for line in said if fault and EXPECTED[fault] in line]
+        said = [Finding(EXPECTED[fault][0] if fault else "", line) for line in error.lines]
+    right = [one for one in said if fault and names(one, fault)]
     of_right = "right" if len(right) == len(said) else "also"
-    return (of_right if right else "wrong" if said else "silent"), " / ".join(said)
+    return (of_right if right else "wrong" if said else "silent"), " / ".join(map(str, said))
 
 
 def main(seeds: int = 3, clean: int = 25, *only: str) -> None:

@@ -9,22 +9,24 @@ import simulated_recordings as simulated
 from known_truth import changed, motion, recorded_of
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.fit import driving
+from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.filtering import smooth, stretches
 from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.identify.suspicions import suspicious_torques
-from sdt_drake.machine.recordings import Finding, Recorded, check_recording
+from sdt_drake.machine.recordings import Recorded
 from sdt_drake.show.reports.identification import friction_table
 
 
 def test_a_sign_is_wrong_where_friction_drives_beyond_its_error(robot, found):
     """A tool that the file does not have may turn its torque round, but not that of friction."""
     eq, one = found.equations, found.estimate
-    turned, driving = replace(eq, nominal=-eq.nominal), replace(one, friction=-9 * one.friction)
-    unsure = replace(driving, covariance=1e6 * one.covariance)
-    for rows, estimate, count in ((turned, one, 0), (eq, driving, 4), (eq, unsure, 0)):
-        lines = suspicious_torques(robot, rows, estimate, found.predicted, 3.0)
-        assert sum("drives instead of braking" in line for line in lines) == count
+    turned, drives = replace(eq, nominal=-eq.nominal), replace(one, friction=-9 * one.friction)
+    unsure = replace(drives, covariance=1e6 * one.covariance)
+    for rows, estimate, count in ((turned, one, 0), (eq, drives, 4), (eq, unsure, 0)):
+        joints = [one.joints for one in driving(rows, estimate)]
+        assert joints == [(k + 1,) for k in range(count)]
 
 
 def test_recordings_that_say_nothing_are_refused(robot, true):
@@ -44,7 +46,7 @@ def test_recordings_that_say_nothing_are_refused(robot, true):
     still = changed(recorded, q=q * [1, 1, 0, 1] + noise)
     noisy = identify(robot, [still], cutoff=3.0)
     for words in ("joint 3 stands still: its friction", "base parameters are hardly excited"):
-        assert sum(words in line for line in noisy.warnings) == 1
+        assert sum(words in one.sentence for one in noisy.findings) == 1
     assert noisy.estimate.condition == np.inf
     rows = friction_table(noisy, plant_friction(noisy)).rows
     assert rows[2] == ("3 pitch", *"––––––") and "±" in rows[1][2]
@@ -75,19 +77,19 @@ def test_uneven_time_and_gaps(robot, true):
 # --- what is seen in a recording alone -------------------------------------------------------
 
 FAULTS = {
-    "jitter": ("uneven", "time", ""),
-    "rounded": ("rounded", "time", "time: '', rate: 1"),
-    "missing": ("missing", "time", ""),
-    "repeated": ("repeated", "q", ""),
-    "held": ("held", "tau", "torque_delay: 0.012"),
+    "jitter": ("uneven", "time: ", ""),
+    "rounded": ("rounded", "time: ", "time: '', rate: 1"),
+    "missing": ("missing", "time: ", ""),
+    "repeated": ("repeated", "q: ", ""),
+    "held": ("held", "tau: ", "torque_delay: 0.012"),
     "frozen_q": ("frozen", "q_", ""),
     "frozen_tau": ("frozen", "tau_", ""),
     "clipped": ("clipped", "tau_", ""),
-    "speeds_in_degrees": ("speeds", "v_1", ""),
-    "speeds_of_motors": ("speeds", "v_1", ""),
-    "speeds_late": ("late", "v", "v: []"),
-    "clock": ("clock", "time", "time_factor: 2"),
-    "degrees": ("degrees", "", "angle: deg"),
+    "speeds_in_degrees": ("speeds", "v_1: ", ""),
+    "speeds_of_motors": ("speeds", "v_1: ", ""),
+    "speeds_late": ("late speeds", "v: ", "v: []"),
+    "clock": ("clock", "time: ", "time_factor: 2"),
+    "degrees": ("degrees", "joint ", "angle: deg"),
 }
 
 
@@ -98,16 +100,16 @@ def arm():
 
 
 def found(truth, recorded) -> list[Finding]:
-    return [x for x in check_recording(truth.robot, recorded) if x.kind != "limit"]
+    return [x for x in check_recording(truth.robot, recorded) if x.kind != "at limit"]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_named_with_what_to_write(arm, fault):
-    kind, place, write = FAULTS[fault]
+    kind, begin, remedy = FAULTS[fault]
     said = found(arm, getattr(simulated, fault)(arm, np.random.default_rng(2)))
     assert {x.kind for x in said} == {kind}
-    assert said[0].place.startswith(place) and said[0].write.startswith(write)
-    assert bool(write) == (" in the mapping file)" in str(said[0]))
+    assert said[0].sentence.startswith(begin) and said[0].remedy.startswith(remedy)
+    assert bool(remedy) == (" in the mapping file)" in str(said[0])) and said[0].evidence
 
 
 @pytest.mark.parametrize("name", simulated.ROBOTS)

@@ -7,12 +7,8 @@ from hypothesis import strategies as st
 from strategies import GENERATORS
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.fly.flight import (
-    FlightColumns,
-    make_flight,
-    read_flight,
-    suspicious_flight,
-)
+from sdt_drake.machine.diagnose.flight import check_flight
+from sdt_drake.machine.fly.flight import FlightColumns, make_flight, read_flight
 from sdt_drake.robot.head import GRAVITY
 
 FORCES, RATES = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}, {"rad/s": 1.0, "deg/s": np.pi / 180}
@@ -54,21 +50,23 @@ def test_any_units_axes_and_lever_give_the_same_head_motion(tmp_path_factory, m,
 
 
 @pytest.mark.parametrize(
-    ("force", "rate", "doubt"),
+    ("force", "rate", "kind", "words", "remedy"),
     [
-        (lambda f: f, lambda w: w, None),
-        (lambda f: f / GRAVITY, lambda w: w, "force_unit: g"),
-        (lambda f: f - [0, 0, GRAVITY], lambda w: w, "was gravity subtracted"),
-        (lambda f: f[:, [2, 0, 1]], lambda w: w, "another order"),
-        (lambda f: f * [1, 1, -1], lambda w: w, "axes: frd"),
-        (lambda f: f, np.degrees, "omega_unit: deg/s"),
+        (lambda f: f / GRAVITY, lambda w: w, "unit", "is it in g?", "force_unit: g"),
+        (lambda f: f / 0.3048, lambda w: w, "unit", "is it in ft/s²?", "force_unit: ft/s2"),
+        (lambda f: f - [0, 0, GRAVITY], lambda w: w, "unit", "was gravity subtracted", ""),
+        (lambda f: f[:, [2, 0, 1]], lambda w: w, "columns", "another order", ""),
+        (lambda f: f * [1, 1, -1], lambda w: w, "columns", "is z down", "axes: frd"),
+        (lambda f: f, np.degrees, "unit", "is it in degrees", "omega_unit: deg/s"),
     ],
 )
-def test_a_wrong_unit_or_axis_is_named(force, rate, doubt):
+def test_a_wrong_unit_or_axis_is_named(force, rate, kind, words, remedy):
     flight = read_flight("turn")
+    assert check_flight(flight) == []
     wrong = make_flight(flight.time, force(flight.specific_force), rate(flight.angular_rate))
-    lines = list(suspicious_flight(wrong))
-    assert len(lines) == (doubt is not None) and all(doubt in line for line in lines)
+    (found,) = check_flight(wrong)
+    assert (found.kind, found.remedy, found.source) == (kind, remedy, "flight")
+    assert words in found.sentence
 
 
 def test_means_around_a_time_keep_the_integral():

@@ -12,12 +12,12 @@ from robots import chain_sdf
 from scipy.linalg import sqrtm
 from simulated_recordings import course
 
+from sdt_drake.machine.diagnose.fit import inconsistent
 from sdt_drake.machine.identify import model
 from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.files import recorded_motion
 from sdt_drake.machine.identify.model import directions, plant_friction
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.identify.suspicions import inconsistent
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
@@ -51,7 +51,7 @@ def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_p
     assert np.linalg.norm(com - centre) < 0.01
     free = found.left(found.estimate.torque(found.equations), held_out=True)
     assert np.all(found.left(found.predicted, held_out=True) < 1.1 * free)
-    assert not any("physically consistent" in line for line in found.warnings)
+    assert not any(one.kind == "inconsistent" for one in found.findings)
 
 
 def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
@@ -60,10 +60,11 @@ def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
     error = np.where(np.arange(len(eq.time)) % 2, 1.0, -1.0) * np.std(eq.tau[eq.fit], axis=0)[1]
     worse = free.copy()
     worse[:, 1] += 0.05 * error
-    (line,) = inconsistent(eq, free, worse)
-    assert re.match(
-        r"joint 2: physically consistent links do not explain 5\.\d % .* \d\.\d %$", line
-    )
+    (one,) = inconsistent(eq, free, worse)
+    least = np.std((eq.tau - free)[eq.fit, 1]) / np.std(eq.tau[eq.fit, 1])
+    assert one.joints == (2,) and one.evidence["free"] == pytest.approx(least)
+    assert one.evidence["consistent"] == pytest.approx(np.hypot(0.05, least), rel=0.02)
+    assert re.match(r"joint 2: .* links do not explain 5\.\d % .* \d\.\d %$", one.sentence)
 
 
 def test_spread_between_recordings_is_of_all_joints_where_one_has_less():

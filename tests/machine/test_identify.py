@@ -11,6 +11,7 @@ from simulated_recordings import course, file_robot
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
+from sdt_drake.machine.diagnose.fit import weakly_excited
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.consistency import links_of, nearest_consistent
 from sdt_drake.machine.identify.equations import equations
@@ -24,7 +25,6 @@ from sdt_drake.machine.identify.model import (
     save_robot,
 )
 from sdt_drake.machine.identify.procedure import belief, identify
-from sdt_drake.machine.identify.suspicions import weakly_excited
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.deviation import Deviation, deviated
@@ -85,7 +85,7 @@ def test_rotors_and_friction_of_motors_that_turn_together():
         robot, [Recorded(Path("own.csv"), time, {"q": q, "tau": links + motors @ coupling})]
     )
     assert np.all(found.left(found.predicted, held_out=True) < 0.02)
-    assert not any("joint" in warning for warning in found.warnings)
+    assert not any(one.joints for one in found.findings)
     np.testing.assert_allclose(identified_robot(found).rotor_inertia, rotors, rtol=0.05)
     friction = plant_friction(found).friction
     np.testing.assert_allclose(friction.coulomb, ratio * coulomb, rtol=0.05)
@@ -186,8 +186,9 @@ def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
 
 def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
     words = ["hx of arm + 2 mass of hand", "Izz of arm"]
-    (line,) = weakly_excited(10.0, np.array([1.0, 1.0]), np.array([0.9, 0.1]), words)
-    assert line.startswith("1 of 2 base parameters") and line.endswith("named after hx of arm")
+    (one,) = weakly_excited(10.0, np.array([1.0, 1.0]), np.array([0.9, 0.1]), words)
+    assert one.evidence == {"parameters": 1, "of": 2}
+    assert one.sentence.endswith("named after hx of arm")
 
 
 def test_what_a_recording_leaves_open_is_as_in_the_file(robot):

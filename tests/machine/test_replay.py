@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.recordings import Recorded, read_recording, without_spikes
+from sdt_drake.machine.diagnose.spikes import without_spikes
+from sdt_drake.machine.recordings import Recorded, read_recording
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
 from sdt_drake.run.scenario import Drive, Friction
@@ -96,7 +97,7 @@ def test_what_explains_more_than_the_scenario_is_said(designed, tmp_path):
     assert list(result.better("torque")) == ["without friction"] and joints[2:].all()
     (said,) = (x for x in replay_findings(result) if "explains more of the motor torque" in x)
     assert said.startswith("The simulation without friction explains more")
-    assert said.endswith("run sdt-drake identify --only friction.")
+    assert said.endswith("identify the friction alone.")
     assert "–" in str(result) and not re.search(r" -\d", str(result))
     assert not replayed(made, recorded).better("torque")
 

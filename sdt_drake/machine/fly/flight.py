@@ -1,6 +1,6 @@
 """Recordings of flights, read from files with any columns and units into motion of the head."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,7 +25,6 @@ _FORCES = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}
 _RATES = {"rad/s": 1.0, "deg/s": np.pi / 180}
 _AXES = {"flu": (1.0, 1.0, 1.0), "frd": (1.0, -1.0, -1.0)}
 _ATTITUDE = ("bank_deg", "pitch_deg")
-_MAX_RATE, _MAX_MEAN_RATE = 2 * np.pi, 1.0  # angular rates of aircraft [rad/s]
 _MAX_DURATION = 3600.0  # s
 _MIN_SAMPLE_RATE = 2.0  # Hz
 
@@ -201,43 +200,6 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
         attitude = np.radians(_columns(numbers, list(_ATTITUDE), "attitude"))
     flight = make_flight(time, force, omega, numbers.path.stem, attitude)
     return replace(flight, notes=numbers.notes)
-
-
-def suspicious_flight(flight: Flight) -> Iterator[str]:
-    """Yield suspicions about a flight, as sentences."""
-    yield from (f"{flight.name}: {note}" for note in flight.notes)
-    f, omega = flight.specific_force, flight.angular_rate
-    size, mean = np.linalg.norm(f, axis=1), f.mean(axis=0)
-    low, usual = np.quantile(size, [0.1, 0.5])
-    k = int(np.argmax(np.abs(mean)))
-    doubt = ""
-    if 0.5 < usual < 4 and low > 0.3 and size.max() < GRAVITY:
-        doubt = f"its median force is {usual:.3g} m/s²: is it in g? (force_unit: g)"
-    elif low < GRAVITY / 2:
-        doubt = (
-            f"its force is below {low:.3g} m/s² for a tenth of the time: was gravity subtracted? "
-            "An accelerometer measures 9.81 m/s² at rest; add gravity"
-        )
-    elif low > 2 * GRAVITY:
-        doubt = (
-            f"its force is above {low / GRAVITY:.3g} G for nine tenths of the time: is it in "
-            "ft/s²? (force_unit: ft/s2)"
-        )
-    elif k != 2:
-        doubt = (
-            f"its mean force is along {'xyz'[k]}, {mean[k]:.3g} m/s²: are the columns of force in "
-            "another order? Expected: x forward, y left, z up"
-        )
-    elif mean[2] < 0:
-        doubt = f"its mean force along z is {mean[2]:.3g} m/s²: is z down? (axes: frd)"
-    if doubt:
-        yield f"{flight.name}: {doubt}"
-    fastest, typical = np.abs(omega).max(), np.linalg.norm(omega, axis=1).mean()
-    if fastest > _MAX_RATE or typical > _MAX_MEAN_RATE:
-        yield (
-            f"{flight.name}: its angular rate is {typical:.3g} rad/s on average, up to "
-            f"{fastest:.3g} rad/s: is it in degrees? (omega_unit: deg/s)"
-        )
 
 
 def _columns(numbers: Numbers, names: Sequence[str], what: str) -> Array:

@@ -13,6 +13,8 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import equations
@@ -35,6 +37,8 @@ class Judged(Shown):
     """Torque not explained [-]: RMS residual over RMS torque while the joint moves, shape (n,)."""
     left_without: Array
     """Torque not explained by the robot without friction [-], shape (n,)."""
+    findings: tuple[Finding, ...]
+    """What the recordings show by themselves."""
 
     def summary(self) -> Summary:
         columns = {
@@ -92,4 +96,5 @@ def judge(
             )
             for tau in (eq.nominal + rubs, eq.nominal)
         )
-    return Judged(robot, cutoff, left, without)
+    checked = [one for recorded in recordings for one in check_recording(robot, recorded)]
+    return Judged(robot, cutoff, left, without, tuple(checked))

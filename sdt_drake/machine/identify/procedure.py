@@ -12,6 +12,10 @@ from scipy.spatial import cKDTree
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, retelling
 from sdt_drake.io.shown import Shown, Summary, of_joints
+from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.fit import standing_still, suspicious_torques, weakly_excited
+from sdt_drake.machine.diagnose.readings import misread
+from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.consistency import (
     Consistent,
@@ -29,13 +33,7 @@ from sdt_drake.machine.identify.filtering import (
     spread,
     stretches,
 )
-from sdt_drake.machine.identify.suspicions import (
-    misread,
-    standing_still,
-    suspicious_torques,
-    weakly_excited,
-)
-from sdt_drake.machine.recordings import Recorded, check_different, check_recording
+from sdt_drake.machine.recordings import Recorded, check_different
 from sdt_drake.robot.robot import Robot
 
 HELD_OUT = 1 / 3
@@ -78,8 +76,13 @@ class Identified(Shown):
     """True if recorded speeds were used."""
     notes: tuple[str, ...]
     """Changes of the recordings, as sentences."""
-    warnings: tuple[str, ...]
-    """Suspicions, as sentences."""
+    findings: tuple[Finding, ...]
+    """What speaks against the recordings or the robot's file."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings, as sentences."""
+        return tuple(map(str, self.findings))
 
     def summary(self) -> Summary:
         left = {"by the file [%]": self.equations.nominal, "identified [%]": self.predicted}
@@ -143,11 +146,12 @@ def identify(
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
     r, S, N = len(found.beta), found.covariance, found.misfit
-    checked = [(x, one) for x in (*recordings, *validate) for one in check_recording(robot, x)]
-    spoilt = any(one.spoils for _, one in checked)
-    wrong = [] if spoilt else misread(robot, eq)
-    warnings = [*(f"{x.path.name}: {one}" for x, one in checked), *standing_still(eq), *wrong]
-    with retelling(lambda problem: problem._replace(found="; ".join([problem.found, *wrong]))):
+    findings = [one for x in (*recordings, *validate) for one in check_recording(robot, x)]
+    is_spoilt = any(one.spoils for one in findings)
+    wrong = [] if is_spoilt else misread(robot, eq)
+    findings += [*standing_still(eq), *wrong]
+    doubts = list(map(str, wrong))
+    with retelling(lambda problem: problem._replace(found="; ".join([problem.found, *doubts]))):
         consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
     change = consistent.beta - found.beta
     # Friction changes with the base parameters by their correlation.
@@ -155,9 +159,9 @@ def identify(
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
-    if not spoilt and not wrong:
-        warnings += suspicious_torques(robot, eq, found, predicted, cutoff)
-    warnings += weakly_excited(found.condition, before, after, unknown.base.words)
+    if not is_spoilt and not wrong:
+        findings += suspicious_torques(robot, eq, found, predicted, cutoff)
+    findings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(
         nominal=robot,
         unknown=unknown,
@@ -170,7 +174,7 @@ def identify(
         cutoff=cutoff,
         speeds=speeds,
         notes=(*notes, *_left_out(parts, few), *_speeds_in_words(parts, speeds), *_repeated(eq)),
-        warnings=tuple(warnings),
+        findings=tuple(findings),
     )
 
 

@@ -12,6 +12,7 @@ from sdt_drake.analysis.tracking import motor_use, track_head
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, formatted
+from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.head import has_head
@@ -20,8 +21,6 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.simulate import simulate
 
 _HALVINGS = 12  # in the search for the largest share of a step
-_MIN_GAIN = 0.05  # share of the error that a flight must remove for another one
-_MIN_STEP = 0.5  # share of a step; limits that allow less end the learning
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,9 +187,9 @@ def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:
         best = min(flight.score for flight in flights[:-1])
         if last.score > best:
             return "the error has grown; the reference of the best flight is kept"
-        if last.score > (1 - _MIN_GAIN) * best:
-            return f"the last flight reduced the error by less than {100 * _MIN_GAIN:g} %"
-    if steps and steps[-1].share < _MIN_STEP:
+        if last.score > (1 - c.MIN_GAIN) * best:
+            return f"the last flight reduced the error by less than {100 * c.MIN_GAIN:g} %"
+    if steps and steps[-1].share < c.MIN_STEP:
         return f"a limit is near: {steps[-1].limit}"
     return ""
 

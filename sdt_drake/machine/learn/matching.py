@@ -10,19 +10,13 @@ from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.learn.filter import LearningFilter, through
 from sdt_drake.machine.recordings import Recorded, other_unit
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import splined
 from sdt_drake.run.design import Design
 
-_MAX_GAP = 2.5  # median time steps
-_MIN_SAMPLES = 4  # per period of the bandwidth
-_MIN_SHARE = 0.5  # share of the motion's duration that a recording must last
-_MIN_SPEED = 1e-6  # rad/s, of a joint that moves
-_MAX_REFERENCE_ERROR = 1e-3  # rad, between a recorded reference and the known one
-_MAX_RANGE_SHARE, _MAX_ANGLE = 0.1, 0.02  # RMS position error: share of the joint's range plus rad
-_MAX_SPEED_SHARE, _MAX_SPEED = 0.3, 0.02  # RMS speed error: share of the RMS speed plus rad/s
 _ITERATIONS = 5  # Gauss-Newton steps to find the start to a fraction of a sample
 
 
@@ -62,13 +56,13 @@ def match(
     q_ref, number = recorded.signals.get("q_ref"), -1
     if q_ref is None or recorded.of_links:  # files of `simulate` have the planned motion as q_ref
         shift = _coarse(recorded, recorded.signals["q"], _expected(filter_, references[-1]))
-        near = 2.1 * max(design.motion.period, float(np.median(np.diff(recorded.time))))
+        near = 2.1 * max(design.motion.period, recorded.period)
         shift = 0.0 if abs(shift) < near else shift
     else:
         found = [_found(recorded, q_ref, reference) for reference in references]
         number = len(found) - 1 - int(np.argmin([one[0] for one in reversed(found)]))
         off, shift = found[number]
-        if off > _MAX_REFERENCE_ERROR:
+        if off > c.MAX_REFERENCE_ERROR:
             raise InputError(
                 f"{recorded.path}: q_ref is up to {np.degrees(off):.3g} deg from the nearest "
                 "reference that could be flown, expected a recording of one"
@@ -81,7 +75,7 @@ def match(
 
 def _moving(recorded: Recorded, motion: Motion) -> tuple[float, float]:
     """Return the times at which a motion starts and stops moving [s]."""
-    at = np.flatnonzero(np.any(np.abs(motion.v) > _MIN_SPEED, axis=1))
+    at = np.flatnonzero(np.any(np.abs(motion.v) > c.STANDS, axis=1))
     if not len(at):
         raise InputError(f"{recorded.path}: no joint moves in the motion, expected one that moves")
     return max(0, at[0] - 1) * motion.period, min(len(motion.v) - 1, at[-1] + 1) * motion.period
@@ -89,27 +83,27 @@ def _moving(recorded: Recorded, motion: Motion) -> tuple[float, float]:
 
 def _check_samples(recorded: Recorded, filter_: LearningFilter, moving: float) -> None:
     """Raise InputError for gaps, too few samples, or a recording shorter than `moving` [s]."""
-    if len(recorded.time) < _MIN_SAMPLES:
+    if len(recorded.time) < c.MIN_SAMPLES:
         raise InputError(
             f"{recorded.path}: {len(recorded.time)} samples, expected those of a whole motion"
         )
     steps = np.diff(recorded.time)
     usual = float(np.median(steps))
     i = int(steps.argmax())
-    if steps[i] > _MAX_GAP * usual:
+    if steps[i] > c.MAX_GAP * usual:
         raise InputError(
             f"{recorded.path}: a gap from {recorded.time[i]:.6g} to {recorded.time[i + 1]:.6g} s, "
             f"expected steps of about {usual:.3g} s"
         )
     fastest = max(bandwidth.omega for bandwidth in filter_.bandwidth)
-    longest = 2 * np.pi / fastest / _MIN_SAMPLES
+    longest = 2 * np.pi / fastest / c.MIN_SAMPLES
     hint = other_unit(recorded, moving)
     if usual > longest:
         raise InputError(
             f"{recorded.path}: a sample every {usual:.3g} s, expected at most {longest:.2g} s, "
             f"as errors are learned up to {fastest / (2 * np.pi):.3g} Hz{hint}"
         )
-    if recorded.time[-1] < _MIN_SHARE * moving:
+    if recorded.time[-1] < c.MIN_RECORDED * moving:
         raise InputError(
             f"{recorded.path}: lasts {recorded.time[-1]:.3g} s, expected the whole motion of "
             f"{moving:.4g} s{hint}"
@@ -125,7 +119,7 @@ def _expected(filter_: LearningFilter, reference: Motion) -> Motion:
 
 def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     """Return the start of a motion in recorded positions, to one sample, by correlation [s]."""
-    step = float(np.median(np.diff(recorded.time)))
+    step = recorded.period
     first, last = np.divide(_moving(recorded, motion), step)
     own = np.arange(int(recorded.time[-1] / step) + 1.0) * step
     sought = np.arange(np.floor(first), last + 1) * step
@@ -171,7 +165,7 @@ def _missing(recorded: Recorded, motion: Motion, shift: float) -> NDArray[np.boo
 
 def _check_whole(recorded: Recorded, motion: Motion, shift: float) -> None:
     """Raise InputError if the motion moves before or after the recording."""
-    if np.any(np.abs(motion.v[_missing(recorded, motion, shift)]) > _MIN_SPEED):
+    if np.any(np.abs(motion.v[_missing(recorded, motion, shift)]) > c.STANDS):
         first, last = recorded.time[[0, -1]] - shift
         raise InputError(
             f"{recorded.path}: contains {first:.3f} to {last:.3f} s of the motion, or another "
@@ -184,8 +178,8 @@ def _check_motion(recorded: Recorded, q: Array, expected: Motion) -> None:
     off = np.sqrt(np.mean((q - expected.q) ** 2, axis=0))
     v = np.gradient(q, expected.period, axis=0)
     off_speed = np.sqrt(np.mean((v - expected.v) ** 2, axis=0))
-    allowed = _MAX_RANGE_SHARE * np.ptp(expected.q, axis=0) + _MAX_ANGLE
-    allowed_speed = _MAX_SPEED_SHARE * np.sqrt(np.mean(expected.v**2, axis=0)) + _MAX_SPEED
+    allowed = c.MAX_RANGE_SHARE * np.ptp(expected.q, axis=0) + c.MAX_ANGLE
+    allowed_speed = c.MAX_SPEED_SHARE * np.sqrt(np.mean(expected.v**2, axis=0)) + c.MAX_SPEED_ERROR
     bad = (off > allowed) | (off_speed > allowed_speed)
     if bad.any():
         k = int(bad.argmax())

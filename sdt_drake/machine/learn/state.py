@@ -7,7 +7,7 @@ reference (`reference_02.csv`; the first flight follows the planned motion) and 
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -29,17 +29,18 @@ from sdt_drake.io.fields import (
 )
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.spikes import without_spikes
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.flights import Step, next_step
 from sdt_drake.machine.learn.matching import Matched, match
-from sdt_drake.machine.recordings import Recorded, check_different, without_spikes
+from sdt_drake.machine.recordings import Recorded, check_different
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
 
 SCENARIO = "scenario.yaml"
-_MAX_GROWTH = 1.05  # error over that of the best flight
-_MAX_REMAINDER = 0.95  # error over that of the best flight, for another flight to be worthwhile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,8 +136,8 @@ class Taught(NamedTuple):
     """Result of the flight."""
     step: Step
     """Learning step to the next flight."""
-    notes: list[str]
-    """Remarks for the user."""
+    findings: list[Finding]
+    """What the recordings show, and what was assumed."""
 
 
 def teach(
@@ -177,14 +178,19 @@ def teach(
     error = np.mean([one.q for one in found], axis=0) - design.wanted.q
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
-    notes = [f"{recorded.path}: {note}" for recorded in recordings for note in recorded.notes]
-    notes += _notes(flight, step, state)
+    findings = [
+        Finding("reading", note, source=f"{recorded.path}")
+        for recorded in recordings
+        for note in recorded.notes
+    ]
+    findings += _checked(flight, step, state)
     for one, recorded in zip(found, recordings, strict=True):
         if one.reference < 0:
             planned = "its q_ref is the planned motion, as in files of `simulate`"
             why = planned if recorded.of_links else "it has no q_ref"
-            notes.append(f"{recorded.path}: {why}; the expected reference is assumed")
-    return Taught(flight, step, notes)
+            text = f"{why}; the expected reference is assumed"
+            findings.append(Finding("assumed", text, source=f"{recorded.path}"))
+    return Taught(flight, step, findings)
 
 
 def _record(planned: Array, found: Sequence[Matched], reference: int) -> FlightRecord:
@@ -211,7 +217,7 @@ def _record(planned: Array, found: Sequence[Matched], reference: int) -> FlightR
 def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
     """Raise InputError if the repeating error is clearly larger than that of the best flight."""
     best = State([*state.flights, flight], []).best
-    if flight.score > _MAX_GROWTH * best.score + flight.noise + best.noise:
+    if flight.score > c.MAX_GROWTH * best.score + flight.noise + best.noise:
         raise InputError(
             f"{path}: the error has grown from {np.degrees(best.score):.4g} to "
             f"{np.degrees(flight.score):.4g} deg (RMS of all joints), so nothing is learned; fly "
@@ -219,15 +225,18 @@ def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
         )
 
 
-def _notes(flight: FlightRecord, step: Step, state: State) -> list[str]:
-    """Return remarks on a flight and on the step to the next one."""
-    notes = []
+def _checked(flight: FlightRecord, step: Step, state: State) -> Iterator[Finding]:
+    """Yield what a flight shows beside those before, and the limit of the step to the next one."""
     noise = np.array(flight.floor) / math.sqrt(flight.recordings)
     if flight.floor and np.all(flight.rms < noise):
-        notes.append("the repeating error is below the noise; stop here")
-    elif state.flights and flight.score > _MAX_REMAINDER * state.best.score:
-        notes.append("the flight reduced the repeating error by less than 5 %; stop here")
-    return [*notes, step.note] if step.note else notes
+        evidence = {"error_rad": flight.score, "noise_rad": flight.noise}
+        yield Finding("noise", "the repeating error is below the noise; stop here", (), evidence)
+    elif state.flights and flight.score > (1 - c.MIN_GAIN) * state.best.score:
+        evidence = {"error_rad": flight.score, "before_rad": state.best.score}
+        text = f"the flight reduced the repeating error by less than {100 * c.MIN_GAIN:g} %; stop "
+        yield Finding("converged", text + "here", (), evidence)
+    if step.note:
+        yield Finding("limited", step.note, (), {"share": step.share})
 
 
 def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Path:

@@ -1,6 +1,5 @@
 """Recordings of robots, read from files with any columns and units into SI units, joint side."""
 
-from sdt_drake.machine.recordings.checks import Finding, check_recording
 from sdt_drake.machine.recordings.columns import (
     RECORDED_SIGNALS,
     SIDES,
@@ -11,11 +10,9 @@ from sdt_drake.machine.recordings.columns import (
 from sdt_drake.machine.recordings.places import missing, place_of
 from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.machine.recordings.recorded import Recorded, check_different
-from sdt_drake.machine.recordings.spikes import without_spikes
 from sdt_drake.machine.recordings.times import other_unit, times_of
 
 __all__ = [
-    "RECORDED_SIGNALS", "SIDES", "Columns", "Finding", "Layout", "Recorded", "check_different",
-    "check_recording", "load_columns", "missing", "other_unit", "place_of", "read_recording",
-    "times_of", "without_spikes",
+    "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "check_different",
+    "load_columns", "missing", "other_unit", "place_of", "read_recording", "times_of",
 ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -29,11 +30,15 @@ class Recorded:
     notes: tuple[str, ...] = ()
     """Changes of the data on reading, as sentences."""
 
-    @property
+    @cached_property
+    def period(self) -> float:
+        """The median step of time [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
     def gaps(self) -> Index:
         """Indices of the rows before a gap in time, from 0."""
-        steps = np.diff(self.time)
-        return np.flatnonzero(steps > _GAP * np.median(steps))
+        return np.flatnonzero(np.diff(self.time) > _GAP * self.period)
 
     @property
     def gaps_in_words(self) -> str:

@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing_files
-from sdt_drake.io.shown import listed, numbered
-from sdt_drake.machine.recordings import check_recording
+from sdt_drake.io.shown import numbered
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.recording import check_recording
+from sdt_drake.machine.diagnose.replay import check_replay
 from sdt_drake.machine.replay import (
     ALONE,
-    EXPLAINED_SHARE,
     FED,
-    FEEDFORWARD,
     QUANTITIES,
-    ROUND_OFF,
-    UNFED,
     Replay,
 )
 from sdt_drake.show import documents as doc
@@ -58,7 +56,7 @@ def tables(replay: Replay) -> list[doc.Table]:
         rows = [("recorded", *_texts(metric, recorded))]
         for case in (case for case, course in replay.courses.items() if name in course):
             off = replay.difference(name, case)
-            shown = np.where(off < ROUND_OFF * recorded, 0.0, off)
+            shown = np.where(off < c.ROUND_OFF * recorded, 0.0, off)
             rows.append((f"difference {case}", *_texts(metric, shown)))
         made.append(doc.Table((f"RMS, {metric.label}", *joints), rows))
     return made
@@ -66,12 +64,6 @@ def tables(replay: Replay) -> list[doc.Table]:
 
 def replay_findings(replay: Replay) -> list[str]:
     """Return the result of a replay as sentences: first the answer, then causes and notes."""
-    wrong: list[int] = []
-    if ALONE in replay.courses:
-        off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
-        # False for joints without a torque
-        unexplained = replay.explained("torque") < EXPLAINED_SHARE
-        wrong = _joints(off & unexplained)
     is_beside = np.abs(replay.start).max() > 1e-6
     recorded = replay.recorded
     findings = doc.bullets(
@@ -79,48 +71,11 @@ def replay_findings(replay: Replay) -> list[str]:
         replay=replay,
         offsets=[f"{x:.4f}" for x in np.degrees(replay.start)] if is_beside else [],
         explained=[_explained_in_words(replay, name) for name in replay.measured],
-        wrong=wrong,
-        better=[
-            _compared(replay, name, case, joints)
-            for name in replay.measured
-            for case, joints in replay.better(name).items()
-        ],
+        checked=list(check_replay(replay)),
     )
     checked = check_recording(replay.design.robot, recorded)
     findings += [f"Note: {recorded.path.name}: {note}." for note in recorded.notes]
-    return findings + [f"Warning: {recorded.path.name}: {found}" for found in checked]
-
-
-def _compared(
-    replay: Replay, quantity: str, case: str, joints: NDArray[np.bool_]
-) -> dict[str, str]:
-    """Return the joints that a case explains better than the scenario, and both shares."""
-    share, own = (
-        np.where(x < 0, np.nan, x)[joints]
-        for x in (replay.explained(quantity, case), replay.explained(quantity))
-    )
-    return {
-        "title": QUANTITIES[quantity].title,
-        "case": f"The {case}" if case == FEEDFORWARD else f"The simulation {case}",
-        "joints": listed(list(map(str, _joints(joints)))),
-        "share": " ".join(_texts(_SHARE, share)),
-        "own": " ".join(_texts(_SHARE, own)),
-        "why": _WHY[case],
-    }
-
-
-_WHY = {
-    FEEDFORWARD: "Links, friction or payload of the scenario differ from the machine's: "
-    "run sdt-drake identify.",
-    UNFED: "The machine does not add the recorded feedforward as this controller does, or its unit "
-    "or side differs: check torque_factor and --side.",
-    "without friction": "Friction of the scenario differs from the machine's: "
-    "run sdt-drake identify --only friction.",
-    "with rigid joints": "Springs of the scenario differ from the machine's.",
-    "with ideal drives": "Drives of the scenario differ from the machine's.",
-    "with the nominal links": "The deviation of the scenario differs from the machine's.",
-}
-"""The conclusion if a case explains more than the scenario as it is."""
+    return findings + [f"Warning: {found}" for found in checked]
 
 
 def _explained(replay: Replay, quantity: str) -> Sequence[str]:

@@ -6,14 +6,12 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.machine.recordings.recorded import Recorded
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.recording import speed_limit
+from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion.trajectory import splined
 from sdt_drake.robot.robot import Robot
 
-_WINDOW = 7  # samples of the median; a spike has at most three
-_FAR = 8.0  # distance from the median over nearly all steps from sample to sample
-_USUAL = 0.95  # share of these steps
-_SPEED_LIMIT = 5.0  # without one in the file [rad/s]
 _UNITS = {"q": "rad", "v": "rad/s", "tau": "N m"}
 
 
@@ -26,9 +24,8 @@ def without_spikes(recorded: Recorded, robot: Robot) -> Recorded:
     - a position: twice what the joint turns in a sample at its speed limit; a speed: its limit;
       a torque: three times its limit.
     """
-    speed = np.where(np.isinf(robot.velocity_limit), _SPEED_LIMIT, robot.velocity_limit)
-    period = float(np.median(np.diff(recorded.time)))
-    least = {"q": 2 * speed * period, "v": speed, "tau": 3 * robot.effort_limit}
+    speed = speed_limit(robot)
+    least = {"q": 2 * speed * recorded.period, "v": speed, "tau": 3 * robot.effort_limit}
     signals, notes = dict(recorded.signals), list(recorded.notes)
     for name, values in recorded.signals.items():
         kind = name.partition("_")[0]
@@ -51,6 +48,6 @@ def without_spikes(recorded: Recorded, robot: Robot) -> Recorded:
 
 def _apart(values: Array) -> Array:
     """Return the distance of each sample from the median around it; 0 within usual steps."""
-    off = np.abs(values - median_filter(values, _WINDOW, mode="reflect"))
-    usual = np.quantile(np.abs(np.diff(values)), _USUAL)
-    return np.where(off > _FAR * usual, off, 0.0)
+    off = np.abs(values - median_filter(values, c.SPIKE_WINDOW, mode="reflect"))
+    usual = np.quantile(np.abs(np.diff(values)), c.USUAL_STEPS)
+    return np.where(off > c.SPIKE * usual, off, 0.0)

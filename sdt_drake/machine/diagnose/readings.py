@@ -9,13 +9,24 @@ The spread over blocks of time gives the standard error.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array, Index, Mask
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.explained import (
+    basis,
+    entries,
+    like_friction,
+    over_largest,
+    without,
+)
+from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.units import Unit, torque_unit
 from sdt_drake.machine.identify.base_parameters import rigid_columns, rigid_parameters
 from sdt_drake.machine.identify.consistency import rigid_scale
 from sdt_drake.machine.identify.equations import Equations
@@ -23,15 +34,6 @@ from sdt_drake.machine.identify.estimation import solved
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 
-_MAX_ROWS = 400  # compared samples
-_FLOOR = 0.03  # residual that remains in any case, over the torque
-_MIN_RESIDUAL = 0.5  # residual of the file's links over the torque; below it, nothing is tried
-_MIN_SCORE, _MIN_FREE_SCORE, _MIN_FILE_SCORE = 2.0, 0.5, 4.0  # see `Better`
-_MAX_BEHIND = 0.5  # score; readings this close to the best are reported, too
-_BLOCKS, _MIN_SIGMAS = 10, 3.0  # blocks of time; standard errors of a score
-_MIN_TILT = 3.0  # degrees between two directions of gravity
-_ROUNDS = 3  # iterations of the weights
-_WIDTHS = (0.02, 0.1)  # widths of the sign change of friction over the largest speed
 _RIGHT = np.pi / 2  # rad
 
 
@@ -57,7 +59,7 @@ class Reading:
     """Gravity in the world frame [m/s²], shape (3,)."""
 
 
-class Left(NamedTuple):
+class Residuals(NamedTuple):
     """Squared residuals over the mean square of the torque without friction."""
 
     free: Array
@@ -71,8 +73,8 @@ class Left(NamedTuple):
 class Better(NamedTuple):
     """An alternative that explains torques better than the mapping.
 
-    Its total score is above _MIN_SCORE. Its score with the best links is above _MIN_FREE_SCORE, or
-    its score with the links of the file is above _MIN_FILE_SCORE. The second test has the higher
+    Its total score is above MIN_SCORE. Its score with the best links is above MIN_FREE_SCORE, or
+    its score with the links of the file is above MIN_FILE_SCORE. The second test has the higher
     limit because a file may be wrong. Beside a unit without a name, the links of the file do not
     decide, but another order of the columns suffices that leaves as little as the unit.
     """
@@ -81,16 +83,51 @@ class Better(NamedTuple):
     """The alternative meaning of the columns."""
     score: float
     """The total score."""
-    before: Array
-    after: Array
-    """`before` and `after`: RMS residual of the file's links over each torque [-], shape (n,)."""
-    any_before: Array
-    any_after: Array
-    """`any_before` and `any_after`: RMS residual of the best links [-], shape (n,)."""
+    before: Residuals
+    """What the mapping leaves."""
+    after: Residuals
+    """What the alternative leaves."""
+
+
+def misread(robot: Robot, eq: Equations) -> list[Finding]:
+    """Return what speaks against the meaning of the columns and the robot's file.
+
+    It is the likely unit of the torques, and better readings of the columns. A unit without a name
+    is dropped if another reading explains the torques as they are.
+    """
+    unit, as_they_are = torque_unit(robot, eq), np.ones(robot.n)
+    if unit and not unit.is_exact:
+        better = better_readings(robot, eq, as_they_are, unit)
+        if better:
+            return [_in_words(better)]
+    better = better_readings(robot, eq, unit.factor if unit else as_they_are)
+    found = [unit.finding] if unit else []
+    return [*found, _in_words(better)] if better else found
+
+
+def _in_words(better: Sequence[Better]) -> Finding:
+    """Return the finding of readings that explain the torques equally well."""
+    first = better[0]
+    left = {
+        "file": _rms(first.after.file), "file_before": _rms(first.before.file),
+        "any": _rms(first.after.free), "any_before": _rms(first.before.free),
+    }  # fmt: skip
+    gain = np.log(left["file_before"] / left["file"]) + np.log(left["any_before"] / left["any"])
+    k = int(gain.argmax())
+    evidence = {f"{name}_links": float(values[k]) for name, values in left.items()}
+    file, any_ = (
+        f"{100 * left[name][k]:.0f} % instead of {100 * left[f'{name}_before'][k]:.0f} %"
+        for name in ("file", "any")
+    )
+    readings = "; or ".join(one.reading.words for one in better)
+    text = f"torques are explained better by {readings}: tau_{k + 1} without friction is not "
+    text += f"explained by {file} with the file's links, by {any_} with the best links"
+    remedy = "; or ".join(one.reading.write for one in better if one.reading.write)
+    return Finding("columns", text, (k + 1,), evidence | {"score": first.score}, remedy)
 
 
 def better_readings(
-    robot: Robot, eq: Equations, factor: Array, unnamed: Array | None = None
+    robot: Robot, eq: Equations, factor: Array, unnamed: Unit | None = None
 ) -> list[Better]:
     """Return the alternatives that explain the torques better than the mapping, the best first.
 
@@ -101,47 +138,46 @@ def better_readings(
         robot: The robot of the file.
         eq: The equations of the recordings.
         factor: Factors from each torque to N m, joint side, shape (n,).
-        unnamed: Factors of a unit without a name, which the alternatives replace, shape (n,). It
-            has one free number per joint, an order of the columns has none.
+        unnamed: A unit without a name, which the alternatives replace. It has one free number per
+            joint, an order of the columns has none.
     """
     plain = _as_read(robot)
     judge = _Judge(robot, _Rows.of(eq, factor), plain.gravity)
     now = judge.left(plain)
-    if np.all(_rms(now.file) < _MIN_RESIDUAL):
+    if np.all(_rms(now.file) < c.MIN_RESIDUAL):
         return []
     rival = None
     if unnamed is not None:
-        rival = _Judge(robot, _Rows.of(eq, unnamed), plain.gravity).left(plain)
+        rival = _Judge(robot, _Rows.of(eq, unnamed.factor), plain.gravity).left(plain)
     found = []
-    for reading in (*_alternatives(plain), judge.other_gravity(plain)):
-        if reading is None:
-            continue
+    for reading in (*_alternatives(plain), *judge.other_gravity(plain)):
         left = judge.left(reading)
         of_any, of_file = _score(now.free, left.free), _score(now.file, left.file)
         both = of_any + of_file
-        score, error = both.mean(), both.std(ddof=1) / np.sqrt(_BLOCKS)
-        decides = of_any.mean() > _MIN_FREE_SCORE or (
-            rival is None and of_any.mean() > -_MIN_FREE_SCORE and of_file.mean() > _MIN_FILE_SCORE
+        score, error = float(both.mean()), both.std(ddof=1) / np.sqrt(c.BLOCKS)
+        decides = of_any.mean() > c.MIN_FREE_SCORE or (
+            rival is None
+            and of_any.mean() > -c.MIN_FREE_SCORE
+            and of_file.mean() > c.MIN_FILE_SCORE
         )
-        is_clear = (decides and score > _MIN_SCORE) or _is_as_good(reading, left, rival)
-        if is_clear and score > _MIN_SIGMAS * error and of_file.mean() > 0:
-            sizes = map(_rms, (now.file, left.file, now.free, left.free))
-            found.append(Better(reading, float(score), *sizes))
+        is_clear = (decides and score > c.MIN_SCORE) or _is_as_good(reading, left, rival)
+        if is_clear and score > c.SCORE_SIGMAS * error and of_file.mean() > 0:
+            found.append(Better(reading, score, now, left))
     found.sort(key=lambda one: -one.score)
-    return [one for one in found if one.score > found[0].score - _MAX_BEHIND]
+    return [one for one in found if one.score > found[0].score - c.MAX_BEHIND]
 
 
-def _is_as_good(reading: Reading, left: Left, rival: Left | None) -> bool:
+def _is_as_good(reading: Reading, left: Residuals, rival: Residuals | None) -> bool:
     """Return True for an order of the columns that leaves as little as a unit without a name."""
     if rival is None or np.array_equal(reading.order, np.arange(len(reading.order))):
         return False
     score = _score(rival.free, left.free) + _score(rival.file, left.file)
-    return bool(score.mean() > -_MAX_BEHIND)
+    return bool(score.mean() > -c.MAX_BEHIND)
 
 
 def _score(before: Array, after: Array) -> Array:
-    """Return the score in each block of time, shape (_BLOCKS,)."""
-    blocks = np.array_split(np.arange(len(before)), _BLOCKS)
+    """Return the score in each block of time, shape (BLOCKS,)."""
+    blocks = np.array_split(np.arange(len(before)), c.BLOCKS)
     ratio = [before[b].mean(axis=0) / after[b].mean(axis=0) for b in blocks]
     return 0.5 * np.log(ratio).sum(axis=1)
 
@@ -163,57 +199,46 @@ class _Rows:
 
     @staticmethod
     def of(eq: Equations, factor: Array) -> _Rows:
-        """Select up to _MAX_ROWS fitted rows, evenly; multiply torques by `factor`, shape (n,)."""
+        """Select up to READING_ROWS fitted rows, evenly, with torques times `factor`."""
         fit = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
-        few = fit[np.unique(np.linspace(0, len(fit) - 1, min(len(fit), _MAX_ROWS)).astype(int))]
+        count = min(len(fit), c.READING_ROWS)
+        few = fit[np.unique(np.linspace(0, len(fit) - 1, count).astype(int))]
         return _Rows(*(x[few] for x in (eq.q, eq.v, eq.vd, eq.tau * factor, eq.moves)))
 
 
 def _as_read(robot: Robot) -> Reading:
     """Return the meaning of the columns that the mapping gives."""
-    ones = np.ones(robot.n)
-    gravity = Bodies.of(robot).gravity
-    order = np.arange(robot.n)
-    return Reading("", "", order, False, ones, ones, 0 * ones, gravity)
+    ones, gravity = np.ones(robot.n), Bodies.of(robot).gravity
+    return Reading("", "", np.arange(robot.n), False, ones, ones, 0 * ones, gravity)
 
 
 def _alternatives(plain: Reading) -> Iterator[Reading]:
     """Yield all alternatives except other directions of gravity."""
-    n = len(plain.order)
-    order = np.arange(n)
-
-    def other(k: int, value: float, usual: float) -> Array:
-        return np.where(order == k, value, usual)
-
-    for j in range(n):
-        for k in range(j + 1, n):
-            places = order.copy()
-            places[[j, k]] = k, j
-            words = f"tau_{j + 1} and tau_{k + 1} swapped"
-            yield replace(plain, words=words, write=f"tau: in the order {_list(places + 1)}",
-                          order=places)  # fmt: skip
+    order = plain.order
+    n = len(order)
+    for j, k in combinations(range(n), 2):
+        places = order.copy()
+        places[[j, k]] = k, j
+        words, write = f"tau_{j + 1} and tau_{k + 1} swapped", entries(places + 1)
+        yield replace(plain, words=words, write=f"tau: in the order {write}", order=places)
     if n > 2:
-        words = "columns from the tip to the base"
-        yield replace(plain, words=words, write="q and tau: in the order of the joints, base to "
-                      "tip", order=order[::-1], whole=True)  # fmt: skip
+        words, write = "columns from the tip to the base", "q and tau: in the order of the joints, "
+        write += "base to tip"
+        yield replace(plain, words=words, write=write, order=order[::-1], whole=True)
     for k in range(n):
-        sign = other(k, -1.0, 1.0)
-        signs = _list(sign)
-        yield replace(plain, words=f"tau_{k + 1} with the opposite sign",
-                      write=f"torque_factor: {signs}", sign=sign)  # fmt: skip
-        write = f"direction: {signs}, torque_factor: {signs}"
-        yield replace(plain, words=f"q_{k + 1} with the opposite sign", write=write, turned=sign)
+        sign = np.where(order == k, -1.0, 1.0)
+        torque, direction = f"torque_factor: {entries(sign)}", f"direction: {entries(sign)}"
+        words = f"tau_{k + 1} with the opposite sign"
+        yield replace(plain, words=words, write=torque, sign=sign)
+        words = f"q_{k + 1} with the opposite sign"
+        yield replace(plain, words=words, write=f"{direction}, {torque}", turned=sign)
         words = f"the opposite direction of joint {k + 1}"
-        yield replace(plain, words=words, write=f"direction: {signs}", turned=sign, sign=sign)
+        yield replace(plain, words=words, write=direction, turned=sign, sign=sign)
         for turn in (_RIGHT, -_RIGHT, 2 * _RIGHT):
-            offset = other(k, turn, 0.0)
-            degrees = round(np.degrees(turn))
-            yield replace(plain, words=f"an offset of q_{k + 1} by {degrees} degrees",
-                          write=f"position_offset: {_list(offset)}", offset=offset)  # fmt: skip
-
-
-def _list(values: Array | Index) -> str:
-    return f"[{', '.join(f'{x:.5g}' for x in values)}]"
+            words = f"an offset of q_{k + 1} by {round(np.degrees(turn))} degrees"
+            offset = np.where(order == k, turn, 0.0)
+            write = f"position_offset: {entries(offset)}"
+            yield replace(plain, words=words, write=write, offset=offset)
 
 
 class _Judge:
@@ -225,11 +250,11 @@ class _Judge:
         self.scale = rigid_scale(robot)
         self.columns = rigid_columns(robot, rows.q, rows.v, rows.vd)
 
-    def left(self, reading: Reading) -> Left:
+    def left(self, reading: Reading) -> Residuals:
         """Return the residuals of a reading."""
         seen = self._without_friction(reading)
         tau = self.rows.tau[:, reading.order]
-        floor = (_FLOOR * tau) ** 2 + 1e-300
+        floor = (c.RESIDUAL_FLOOR * tau) ** 2 + 1e-300
         size = np.array([np.mean(y**2) for _, y in seen]) + floor.mean(axis=0)
         n, free, links = len(seen), np.ones(len(seen)), self.file
 
@@ -238,31 +263,32 @@ class _Judge:
             return np.asarray((off**2 + floor.mean(axis=0)) / size)
 
         grams = [(Yk.T @ Yk, Yk.T @ y) for Yk, y in seen]
-        for _ in range(_ROUNDS):
+        for _ in range(c.READING_ROUNDS):
             H, h = np.diag(1 / self.scale**2), self.file / self.scale**2
             for k in range(n):
                 weight = 1 / (free[k] * size[k])
                 H, h = H + weight * grams[k][0], h + weight * grams[k][1]
             links = solved(H, h)
             free = of(links).mean(axis=0)
-        return Left(of(links), of(self.file), links)
+        return Residuals(of(links), of(self.file), links)
 
-    def other_gravity(self, plain: Reading) -> Reading | None:
-        """Return a reading with the direction of gravity that fits the torques best.
+    def other_gravity(self, plain: Reading) -> Iterator[Reading]:
+        """Yield a reading with the direction of gravity that fits the torques best.
 
         The direction is fitted with the links of the file first, then with the best links. Torques
-        are linear in gravity. None if gravity is zero or has the direction of the file.
+        are linear in gravity. Nothing if gravity is zero or has the direction of the file.
         """
         size = float(np.linalg.norm(plain.gravity))
         if size == 0:
-            return None
+            return
         reading, links = plain, self.file
-        for _ in range(_ROUNDS):
-            unit = (*np.eye(3), np.zeros(3))
-            parts = [self._without_friction(replace(plain, gravity=x)) for x in unit]
+        for _ in range(c.READING_ROUNDS):
+            *units, nothing = (
+                self._without_friction(replace(plain, gravity=x)) for x in (*np.eye(3), np.zeros(3))
+            )
             A, b = np.zeros((3, 3)), np.zeros(3)
-            for k, (Y0, y) in enumerate(parts[3]):
-                X = np.column_stack([parts[i][k][0] @ links - Y0 @ links for i in range(3)])
+            for k, (Y0, y) in enumerate(nothing):
+                X = np.column_stack([one[k][0] @ links - Y0 @ links for one in units])
                 off = y - Y0 @ links
                 weight = 1 / max(float(np.mean(y**2)), 1e-300)
                 A, b = A + weight * X.T @ X, b + weight * X.T @ off
@@ -272,12 +298,12 @@ class _Judge:
             links = self.left(reading).links
         cosine = float(reading.gravity @ plain.gravity) / size**2
         angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
-        if angle < _MIN_TILT:
-            return None
+        if angle < c.MIN_TILT:
+            return
         stands = "upside down, as on a ceiling" if angle > 165 else f"turned by {angle:.0f} degrees"
         stands += ", as on a wall" * (75 < angle < 105)
         axis = ", ".join(f"{x + 0.0:.2f}" for x in np.round(reading.gravity / size, 2))
-        return replace(reading, words=f"a base {stands}: gravity along [{axis}] of the file")
+        yield replace(reading, words=f"a base {stands}: gravity along [{axis}] of the file")
 
     def _without_friction(self, reading: Reading) -> list[tuple[Array, Array]]:
         """Return the columns of the rigid parameters and the torque of each joint.
@@ -298,12 +324,10 @@ class _Judge:
         Y = self.columns if is_plain else rigid_columns(self.robot, q, v, vd, reading.gravity)
         tau, counts = reading.sign * rows.tau[:, order], rows.moves[:, order]
         counts = counts & rows.moves[:, places]
-        speed, made = self.robot.gear_speed(v), []
+        speed, made = over_largest(self.robot.gear_speed(v)), []
         for k in range(len(order)):
-            x = speed[:, k] / max(float(np.abs(speed[:, k]).max()), 1e-12)
-            own = np.column_stack([np.ones_like(x), x, *(np.tanh(x / w) for w in _WIDTHS)])
-            both = counts[:, k, None] * np.column_stack([Y[:, k], tau[:, k]])
-            Q, _ = np.linalg.qr(counts[:, k, None] * own)
-            both = both - Q @ (Q.T @ both)
+            used = counts[:, k, None].astype(float)
+            known = basis(used * like_friction(speed[:, k], c.FRICTION_WIDTHS))
+            both = without(known, used * np.column_stack([Y[:, k], tau[:, k]]))
             made.append((both[:, :-1], both[:, -1]))
         return made

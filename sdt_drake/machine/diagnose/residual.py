@@ -11,34 +11,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from sdt_drake.io.arrays import Array, Index
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.explained import basis, over_largest, share_explained, without
+from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.identify.equations import Equations
 
-_BLOCKS, _MIN_SIGMAS = 10, 5.0  # blocks of time; standard errors of a reported delay
-_MIN_DELAY = 2e-3  # s
-_MIN_GAIN = 0.01  # share of the squared residual that a reported delay explains
-_ROUNDS = 4  # iterations of the delay
-_MAX_DELAY = 0.35  # in periods of the cut-off: a gradient finds no longer delay
-_MAX_DIFFERENCE = 0.7  # between delays of joints that agree, over the delay
-_LITTLE, _SOME, _MUCH = 0.03, 0.06, 0.3  # residual over the torque
-_EXPLAINS, _CLEARLY, _SIMILAR = 0.6, 0.75, 0.12  # shares of the squared residual
-_LATE = 0.25  # share of the squared residual by a significant delay
-_RANK = 1e-7  # relative size of independent columns
-_BUILT_UP = (0.003, 0.01, 0.03)  # angle over which friction builds up, over the joint's range
-
 CAUSES = {
-    "late": "a torque that is recorded late",
     "springs": "springs in its gear",
     "hysteresis": "play, or friction that builds up over an angle at reversals",
     "position": "something that acts on its position, such as a counterbalance or a cable",
     "load": "friction that grows with the torque",
     "drift": "friction that changed within the recording, for example with temperature",
 }
-"""Causes of residual torque in words."""
+"""Causes of residual torque in words, beside a late torque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +55,11 @@ class Delay:
         """
         known = np.isfinite(self.each)
         each, errors = self.each[known], self.errors[known]
-        is_large = abs(self.common) > max(_MIN_SIGMAS * self.error, _MIN_DELAY)
+        is_large = abs(self.common) > max(c.DELAY_SIGMAS * self.error, c.MIN_DELAY)
         apart = np.abs(each - self.common)
-        agree = apart < np.maximum(4 * errors, _MAX_DIFFERENCE * abs(self.common))
-        by_itself = each * np.sign(self.common) > 3 * errors
-        is_relevant = is_large and self.gain > _MIN_GAIN
+        agree = apart < np.maximum(c.AGREE_SIGMAS * errors, c.DELAYS_AGREE * abs(self.common))
+        by_itself = each * np.sign(self.common) > c.OWN_SIGMAS * errors
+        is_relevant = is_large and self.gain > c.MIN_DELAY_GAIN
         return bool(is_relevant and agree.all() and by_itself.mean() >= 0.5)
 
     @property
@@ -79,6 +70,15 @@ class Delay:
             for d, e in zip(self.each, self.errors, strict=True)
         )
         return f"{1e3 * self.common:.1f} ± {2e3 * self.error:.1f} ms (of the joints: {each} ms)"
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The finding of late torques; none for a delay that is not significant."""
+        evidence = {"delay_s": self.common, "error_s": self.error, "share": self.gain}
+        text = f"torques are recorded late, or positions early, by {self.words}"
+        remedy = f"torque_delay: {self.common:.4f}"
+        found = Finding("late torques", text, evidence=evidence, remedy=remedy)
+        return [found] if self.is_significant else []
 
 
 def delay_of(eq: Equations, cutoff: float) -> Delay:
@@ -91,8 +91,8 @@ def delay_of(eq: Equations, cutoff: float) -> Delay:
     )
 
 
-def unexplained(eq: Equations, delay: Delay) -> Iterator[str]:
-    """Yield sentences on the residual torque of each joint and its likely causes.
+def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
+    """Yield the residual torque of each joint and its likely causes.
 
     A significant common delay is corrected first.
     """
@@ -102,30 +102,26 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[str]:
         if not one.moves:
             continue
         left, _ = one.seen(common)
-        size = float(left @ left)
-        share = float(np.sqrt(size / max(one.spread, 1e-300)))
-        explains = {name: _explained(left, one.without(C)) for name, C in one.causes().items()}
+        share = float(np.sqrt(left @ left / max(one.spread, 1e-300)))
+        explains = {name: share_explained(left, one.without(C)) for name, C in one.causes().items()}
         best = max(explains.values())
-        is_late = explains["late"] == best > _LATE and (
-            abs(delay.each[k] - common) > max(_MIN_SIGMAS * delay.errors[k], _MIN_DELAY)
+        d, e = float(delay.each[k]), float(delay.errors[k])
+        is_late = explains["late"] == best > c.LATE and (
+            abs(d - common) > max(c.DELAY_SIGMAS * e, c.MIN_DELAY)
         )
         text = f"joint {k + 1}: rigid links and friction do not explain {100 * share:.0f} % of its "
         text += "torque"
-        has_name = share > _LITTLE and best > (_EXPLAINS if share > _SOME else _CLEARLY)
-        if not is_late and not has_name:
-            if share > _MUCH:
-                yield text
+        limit = c.CAUSE_EXPLAINS if share > c.SOME_LEFT else c.CAUSE_EXPLAINS_LITTLE
+        if is_late or (share > c.LITTLE_LEFT and best > limit):
+            likely = [name for name in explains if explains[name] > best - c.AS_LIKELY]
+            likely.sort(key=lambda name: -explains[name])
+            late = f"a torque that is {1e3 * d:.1f} ± {2e3 * e:.1f} ms late"
+            causes = {"late": late, **CAUSES}
+            text += f"; {100 * best:.0f} % of the squared residual looks like "
+            text += "one of " * (len(likely) > 1) + "; ".join(causes[name] for name in likely)
+        elif share <= c.MUCH_LEFT:
             continue
-        likely = sorted(
-            (name for name in explains if explains[name] > best - _SIMILAR),
-            key=lambda name: -explains[name],
-        )
-        words = [CAUSES[name] for name in likely]
-        if "late" in likely:
-            d, e = delay.each[k], delay.errors[k]
-            words[likely.index("late")] = f"a torque that is {1e3 * d:.1f} ± {2e3 * e:.1f} ms late"
-        one_of = "one of " * (len(words) > 1) + "; ".join(words)
-        yield f"{text}; {100 * best:.0f} % of the squared residual looks like {one_of}"
+        yield Finding("residual", text, (k + 1,), {"share": share, **explains})
 
 
 class _Joint:
@@ -134,14 +130,11 @@ class _Joint:
     def __init__(self, eq: Equations, k: int):
         self.eq, self.k = eq, k
         counts = eq.moves[:, k]
-        self.moves = bool(counts.mean() > 0.05 and counts.sum() > 50)
+        self.moves = bool(counts.mean() > c.MOVES_SHARE and counts.sum() > c.MIN_MOVING_ROWS)
         if not self.moves:
             return
         self.rows = np.flatnonzero(counts)
-        X = np.column_stack([eq.rigid[:, k], eq.friction[:, k]])[self.rows]
-        X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-        U, size, _ = np.linalg.svd(X, full_matrices=False)
-        self.basis = U[:, size > _RANK * size[0]]
+        self.basis = basis(np.column_stack([eq.rigid[:, k], eq.friction[:, k]])[self.rows])
         tau = eq.tau[self.rows, k]
         self.spread = float(np.sum((tau - tau.mean()) ** 2))
         self.splines: list[tuple[Index, BSpline]] = []
@@ -155,7 +148,7 @@ class _Joint:
 
         Rows are those in which the joint moves.
         """
-        return np.asarray(values - self.basis @ (self.basis.T @ values))
+        return without(self.basis, values)
 
     def torque(self, shift: float, order: int = 0) -> Array:
         """Return the torque, or a derivative, later by `shift` [s], in the rows with motion."""
@@ -173,10 +166,10 @@ class _Joint:
         """Return the columns of each of CAUSES."""
         eq, k, rows = self.eq, self.k, self.rows
         q, v, load = eq.q[rows, k], eq.speed[rows, k], np.abs(eq.nominal[rows, k])
-        slides = np.tanh(v / max(0.05 * float(np.abs(v).max()), 1e-12))
+        slides = np.tanh(over_largest(v) / c.SIGN_WIDTH)
         q = q - q.mean()
         time = (eq.time[rows] + 1e3 * eq.source[rows]) / max(float(eq.time.max()), 1e-9)
-        built = [_built_up(eq, k, share)[rows] for share in _BUILT_UP]
+        built = [_built_up(eq, k, share)[rows] for share in c.BUILT_UP]
         return {
             "late": self.torque(0.0, 1)[:, None],
             "springs": self.torque(0.0, 2)[:, None],
@@ -191,9 +184,9 @@ class _Joint:
 
 def _delay(joints: Sequence[_Joint], cutoff: float) -> tuple[float, float, float]:
     """Return a delay [s], its standard error [s], and the share of the squared residual."""
-    most, d = _MAX_DELAY / cutoff, 0.0
+    most, d = c.MAX_DELAY / cutoff, 0.0
     parts = []
-    for _ in range(_ROUNDS):
+    for _ in range(c.DELAY_ROUNDS):
         parts = [one.seen(d) for one in joints]
         sums = _sums(parts)
         step = -float(sums[:, 0].sum() / max(sums[:, 1].sum(), 1e-300))
@@ -202,9 +195,8 @@ def _delay(joints: Sequence[_Joint], cutoff: float) -> tuple[float, float, float
         return 0.0, np.inf, 0.0
     before, after = (np.array([np.sum(one.seen(at)[0] ** 2) for one in joints]) for at in (0.0, d))
     gain = 1 - float(np.mean(after / np.maximum(before, 1e-300)))
-    apart = [
-        -(sums[:, 0].sum() - a) / max(sums[:, 1].sum() - b, 1e-300) for a, b in sums
-    ]  # without a block
+    rest = sums.sum(axis=0) - sums  # without a block
+    apart = -rest[:, 0] / np.maximum(rest[:, 1], 1e-300)
     error = float(np.sqrt((len(apart) - 1) * np.var(apart)))
     return d, error, gain
 
@@ -212,28 +204,14 @@ def _delay(joints: Sequence[_Joint], cutoff: float) -> tuple[float, float, float
 def _sums(parts: Sequence[tuple[Array, Array]]) -> Array:
     """Return sums of residual times slope and of squared slope in blocks of time.
 
-    Joints are weighted by their residuals. Shape (_BLOCKS, 2).
+    Joints are weighted by their residuals. Shape (BLOCKS, 2).
     """
-    sums = np.zeros((_BLOCKS, 2))
+    sums = np.zeros((c.BLOCKS, 2))
     for left, slope in parts:
-        weight = _weight(left)
-        for b, rows in enumerate(np.array_split(np.arange(len(left)), _BLOCKS)):
-            sums[b] += (
-                left[rows] @ slope[rows] / weight,
-                slope[rows] @ slope[rows] / weight,
-            )
+        products = np.column_stack([left * slope, slope**2])
+        products /= max(float(np.mean(left**2)), 1e-300)
+        sums += [rows.sum(axis=0) for rows in np.array_split(products, c.BLOCKS)]
     return sums
-
-
-def _weight(left: Array) -> float:
-    return max(float(np.mean(left**2)), 1e-300)
-
-
-def _explained(left: Array, columns: Array) -> float:
-    """Return the share of a squared residual that columns explain."""
-    Q, R = np.linalg.qr(columns)
-    used = np.abs(np.diagonal(R)) > _RANK * max(float(np.abs(R).max()), 1e-300)
-    return float(np.sum((Q[:, used].T @ left) ** 2) / max(float(left @ left), 1e-300))
 
 
 def _built_up(eq: Equations, k: int, share: float) -> Array:
@@ -244,8 +222,4 @@ def _built_up(eq: Equations, k: int, share: float) -> Array:
     q = eq.angle[:, k]
     steps = np.diff(q, prepend=q[0]) / max(share * float(np.ptp(q)), 1e-12)
     steps[np.flatnonzero(np.diff(eq.part, prepend=eq.part[0]))] = 0.0
-    built, z = [], 0.0
-    for step in steps.tolist():
-        z = min(1.0, max(-1.0, z + step))
-        built.append(z)
-    return np.array(built)
+    return np.array(list(accumulate(steps.tolist(), lambda z, step: min(1.0, max(-1.0, z + step)))))

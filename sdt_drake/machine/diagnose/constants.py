@@ -1,0 +1,118 @@
+"""The tuned numbers of all diagnoses, with unit, meaning and reason."""
+
+# --- the recording alone ---------------------------------------------------------------------
+
+UNEVEN_STEP = 0.1  # [-] deviation of a step over the usual one
+UNEVEN_SHARE = 0.02  # [-] share of uneven steps
+SMOOTHER = 0.7  # [-] roughness over an even clock over that over the recorded times
+CHANCE_SHARE = 0.005  # [-] share of samples that are repeated, missing or clipped by chance
+MIN_REPEATED_ROWS = 5  # [samples] repeated rows of a finding
+HELD_SHARE = 1 / 3  # [-] share of repeated rows above which all are
+RESOLVED = 3.0  # [increments] motion in a sample that an encoder resolves
+FROZEN_TIME = 0.1  # [s] duration of a frozen signal
+MIN_FROZEN_ROWS = 5  # [samples]
+MOVING = 0.1  # [-] speed over the largest one
+EDGE = 0.01  # [-] distance from the largest torque over the range of torques
+PILE = 5.0  # [-] samples at the largest torque over those within EDGE of it
+MIN_CLIPPED_ROWS = 3  # [samples]
+BEYOND = 5.0  # [-] value over its limit
+SPEED_LIMIT = 5.0  # [rad/s] without a limit in the file
+AT_LIMIT = 0.98  # [-] torque over its limit
+OFTEN = 0.01  # [-] share of time there
+CORRELATED = 0.5  # [-] squared correlation of a speed and the derivative of its position
+SAME_RATIO = 0.3  # [-] relative difference of a ratio from an expected one
+SAME_FACTOR = 0.05  # [-] relative difference of equal ratios
+MIN_SPEED_DELAY_SAMPLES = 0.6  # [samples]
+SAME_DELAY = 0.5  # [-] relative difference of the delays of speeds
+SPEED_WINDOW = 0.2  # [s] longest delay of speeds
+SPIKE_WINDOW = 7  # [samples] of the median; a spike has at most three
+SPIKE = 8.0  # [-] distance from the median over nearly all steps from sample to sample
+USUAL_STEPS = 0.95  # [-] share of these steps
+
+# --- units and columns, by the robot's links ---------------------------------------------------
+
+FRICTION_WIDTHS = (
+    0.02,
+    0.1,
+)  # [-] widths of the sign change of any friction over the largest speed
+ALIKE = 0.8  # [-] correlation of measured and file's torque, for a joint to show the unit
+WRONG_LINKS = 3.0  # [-] ratio that wrong links of a file may cause
+MIN_GEAR = 3.0  # [-] gear ratio that wrong links cannot explain
+SAME_UNIT = 1.6  # [-] ratio between joints with the same unit
+CLEARLY_CLOSER = 1.5  # [-] ratio by which the best unit is closer than others
+PEAKS = (0.8, 4.5)  # [-] largest torque over the rated torque, range of usual motors
+READING_ROWS = 400  # [samples] compared
+RESIDUAL_FLOOR = 0.03  # [-] residual that remains in any case, over the torque
+MIN_RESIDUAL = 0.5  # [-] residual of the file's links over the torque; below it, nothing is tried
+MIN_SCORE = 2.0  # [-] logarithm of the ratio of residuals; see `readings.Better`
+MIN_FREE_SCORE = 0.5  # [-]
+MIN_FILE_SCORE = 4.0  # [-]
+MAX_BEHIND = 0.5  # [-] score; readings this close to the best are reported, too
+SCORE_SIGMAS = 3.0  # [-] standard errors of a score
+MIN_TILT = 3.0  # [deg] between two directions of gravity
+READING_ROUNDS = 3  # iterations of the weights
+
+# --- what a fit leaves -------------------------------------------------------------------------
+
+BLOCKS = 10  # blocks of time, for standard errors
+RANK = 1e-7  # [-] relative size of independent columns
+SIGN_WIDTH = 0.05  # [-] speed over which friction changes its sign, over the largest speed
+MOVES_SHARE = 0.05  # [-] share of time in which a joint moves, else it stands still
+MIN_MOVING_ROWS = 50  # [samples]
+DELAY_SIGMAS = 5.0  # [-] standard errors of a reported delay
+AGREE_SIGMAS = 4.0  # [-] standard errors between the delay of a joint and the common one
+OWN_SIGMAS = 3.0  # [-] standard errors of a joint's own delay
+MIN_DELAY = 2e-3  # [s]
+MIN_DELAY_GAIN = 0.01  # [-] share of the squared residual that a reported delay explains
+DELAY_ROUNDS = 4  # iterations of the delay
+MAX_DELAY = 0.35  # [periods of the cut-off] a gradient finds no longer delay
+DELAYS_AGREE = 0.7  # [-] difference between delays of joints that agree, over the delay
+LITTLE_LEFT = 0.03  # [-] residual over the torque
+SOME_LEFT = 0.06  # [-]
+MUCH_LEFT = 0.3  # [-]
+CAUSE_EXPLAINS = 0.6  # [-] share of the squared residual
+CAUSE_EXPLAINS_LITTLE = 0.75  # [-] of a small one
+AS_LIKELY = 0.12  # [-] difference of similar shares
+LATE = 0.25  # [-] share of the squared residual by a significant delay
+BUILT_UP = (0.003, 0.01, 0.03)  # [-] angle over which friction builds up, over the joint's range
+FAR = 2.0  # [-] held-out residual over the fitted one
+FAR_BY = 0.05  # [-] more of a torque
+HELD_OUT_EXPLAINED = 0.8  # [-] share of the squared residual
+DRIVING = 0.1  # [-] friction that drives, over the torque
+DRIVING_SIGMAS = 4.0  # [-]
+WORSE = 1.15  # [-] residual of consistent links over that without
+WORSE_BY = 0.01  # [-] more of a torque
+ELSE = 2.0  # [-] residual of consistent links over that without, where something else acts
+ELSE_BY = 0.1  # [-] of the torque
+WEAK = 0.5  # [-] standard deviation of a parameter over its prior one, if hardly excited
+MAX_CONDITION = 300.0  # [-] condition number of sufficient excitation
+
+# --- what a simulation leaves ------------------------------------------------------------------
+
+EXPLAINED_SHARE = 0.99  # [-] share of a mean square from which the simulation counts as complete
+ROUND_OFF = 1e-9  # [-] RMS below which a joint's recording is zero, over the largest joint's RMS
+CLEAR_SHARE = 0.02  # [-] share of the mean square by which another case must explain more
+MAX_LACKING = 2.0  # [-] largest torque that the plant may lack, over the motor's limit
+UNSATURATED = 0.95  # [-] share of the available torque below which a motor is not at its limit
+
+# --- repeated trials of a motion -----------------------------------------------------------------
+
+MAX_GAP = 2.5  # [samples] between two samples
+MIN_SAMPLES = 4  # [samples] in a period of the bandwidth
+MIN_RECORDED = 0.5  # [-] share of the motion's duration that a recording must last
+STANDS = 1e-6  # [rad/s] speed below which a joint of the motion stands
+MAX_REFERENCE_ERROR = 1e-3  # [rad] between a recorded reference and the known one
+MAX_RANGE_SHARE = 0.1  # [-] RMS position error over the joint's range, plus
+MAX_ANGLE = 0.02  # [rad]
+MAX_SPEED_SHARE = 0.3  # [-] RMS speed error over the RMS speed, plus
+MAX_SPEED_ERROR = 0.02  # [rad/s]
+MAX_GROWTH = 1.05  # [-] error over that of the best trial
+MIN_GAIN = 0.05  # [-] share of the error that a trial must remove for another one
+MIN_STEP = 0.5  # [-] share of a step; limits that allow less end the learning
+
+# --- flights of aircraft -------------------------------------------------------------------------
+
+FORCES_IN_G = (0.5, 4.0)  # [m/s²] median of a force that is in g
+LEAST_G, MOST_G = 0.5, 2.0  # [G] that a tenth and nine tenths of a flight are above
+MAX_RATE = 6.283185307179586  # [rad/s] largest angular rate
+MAX_MEAN_RATE = 1.0  # [rad/s] mean angular rate

@@ -1,0 +1,59 @@
+"""Parts, gains and control law of a scenario that differ from the machine's, by a replay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.shown import formatted, listed
+from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.replay import ALONE, FEEDFORWARD, QUANTITIES, UNFED, Replay
+
+_WHY = {
+    FEEDFORWARD: "links, friction or payload of the scenario differ from the machine's: identify "
+    "the robot from this recording",
+    UNFED: "the machine does not add the recorded feedforward as this controller does, or its unit "
+    "or side differs: check torque_factor and side",
+    "without friction": "friction of the scenario differs from the machine's: identify the "
+    "friction alone",
+    "with rigid joints": "springs of the scenario differ from the machine's",
+    "with ideal drives": "drives of the scenario differ from the machine's",
+    "with the nominal links": "the deviation of the scenario differs from the machine's",
+}
+"""The conclusion if a case explains more than the scenario as it is."""
+
+
+def check_replay(replay: Replay) -> Iterator[Finding]:
+    """Yield the changes that explain a recording better, and joints with another controller."""
+    for quantity in replay.measured:
+        as_it_is = replay.explained(quantity)
+        for case, is_better in replay.better(quantity).items():
+            joints = tuple(k + 1 for k in np.flatnonzero(is_better).tolist())
+            share = replay.explained(quantity, case)[is_better]
+            own = as_it_is[is_better]
+            subject = f"the {case}" if case == FEEDFORWARD else f"the simulation {case}"
+            text = f"{subject} explains more of the {QUANTITIES[quantity].title} of joint "
+            text += f"{listed(list(map(str, joints)))}: {_percent(share)} % instead of "
+            text += f"{_percent(own)} %: {_WHY[case]}"
+            evidence = {"explained": float(share.min()), "explained_before": float(own.min())}
+            yield Finding("scenario", text, joints, evidence)
+    if ALONE in replay.courses:
+        apart = replay.apart("torque", ALONE)
+        off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
+        # False for joints without a torque
+        wrong = np.flatnonzero(off & (replay.explained("torque") < c.EXPLAINED_SHARE)).tolist()
+        if wrong:
+            joints = tuple(k + 1 for k in wrong)
+            text = f"the scenario's controller commands joint {', '.join(map(str, joints))} a "
+            text += "torque with an error larger than the recorded torque: control law or gains "
+            text += "differ from the machine's"
+            evidence = {f"times_{k + 1}": float(apart[k]) for k in wrong}
+            yield Finding("controller", text, joints, evidence)
+
+
+def _percent(shares: Array) -> str:
+    """Return shares in percent, with a dash for negative ones."""
+    return " ".join(formatted(100 * x if x >= 0 else np.nan, ".1f") for x in shares.tolist())
