@@ -46,6 +46,15 @@ def test_no_text_of_the_summary_becomes_a_tag(folder):
     assert page.count("alert(1)") >= 10
 
 
+def test_a_response_without_a_settling_time_has_a_dash(folder):
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    summary["step_response"]["pi"]["settling_time"] = None
+    path.write_text(json.dumps(summary), encoding="utf-8")
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert re.search(r"PI on the error</th>\s*<td[^>]*>0\.\d+</td>\s*<td[^>]*>–</td>", page)
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "problem"),
     [

@@ -1,6 +1,7 @@
 """The gallery: what figures show and what reports say, committed; `--regen-all` renews it."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,17 @@ def test_figure(name, inputs, no_3d, file_regression):
     file_regression.check(
         described(FIGURES[name](inputs)), basename=name, encoding="utf-8", check_fn=check_same_text
     )
+
+
+@pytest.mark.parametrize("order", (1, -1))
+def test_a_response_that_does_not_settle_is_shown_whole_in_any_order(inputs, order):
+    short, long = inputs.steps.values()
+    never = replace(long, metrics=replace(long.metrics, settling_time=np.nan, rise_time=np.nan))
+    steps = dict(list({"pi": short, "p_in_feedback": never}.items())[::order])
+    (ax,) = runs.step_responses("steps", steps).axes
+    assert ax.get_xlim() == (0, never.time[-1])
+    (label,) = (line.get_label() for line in ax.lines if "feedback" in line.get_label())
+    assert "rise – s, settling – s" in label
 
 
 # --- reports ---------------------------------------------------------------------------------

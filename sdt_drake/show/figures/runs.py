@@ -80,14 +80,14 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
         for structure, step in steps.items():
             colour, name = looks[structure]
             m = step.metrics
+            rise, settling = (formatted(x, ".4f") for x in (m.rise_time, m.settling_time))
             label = (
-                f"{name}, ζ = {step.zeta:g}: rise {m.rise_time:.4f} s, "
-                f"settling {m.settling_time:.4f} s, overshoot {m.overshoot_percent:.2f} %"
+                f"{name}, ζ = {step.zeta:g}: rise {rise} s, settling {settling} s, "
+                f"overshoot {m.overshoot_percent:.2f} %"
             )
             ax.plot(step.time, step.speed, color=colour, label=label)
-        # Twice the settling time, or everything if a response does not settle.
-        settled = max(step.metrics.settling_time for step in steps.values())
-        end = np.nanmin([2 * settled, *(step.time[-1] for step in steps.values())])
+        # Twice the settling time, or all of a response that does not settle (NaN).
+        end = max(np.fmin(2 * x.metrics.settling_time, x.time[-1]) for x in steps.values())
         ax.set(xlim=(0, end), ylim=(0, None), xlabel="time [s]", ylabel="motor speed [rad/s]")
         ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
         ax.legend(loc="upper left", fontsize=8)

@@ -26,6 +26,7 @@ from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.analysis.reported import LEGEND, Judged, verdict_of_all
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
+from sdt_drake.io.shown import formatted
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.perception import reported_notes, reported_table
 
@@ -341,7 +342,8 @@ def _pairs(
     """
     rows = []
     for name, values, printed in zip(names, computed, published, strict=True):
-        rows.append([name, *(format(values[key], spec) for key, (_, spec) in columns.items())])
+        known = {key: math.nan if values[key] is None else values[key] for key in columns}
+        rows.append([name, *(formatted(known[key], spec) for key, (_, spec) in columns.items())])
         rows.append([doc.Marked("*published*"), *printed])
     return doc.Table(["", *(title for title, _ in columns.values())], rows)
 
