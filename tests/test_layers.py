@@ -1,8 +1,29 @@
 """Imports run in one direction only: the contracts of import-linter in pyproject.toml hold."""
 
+import ast
+import pkgutil
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
+
+import grimp
+
+PACKAGE = Path(__file__).parents[1] / "sdt_drake"
+
+HIGHER = {
+    ("analysis/comparison.py", "show.figures.runs:comparison"),
+    ("analysis/frequency_response.py", "show.figures.runs:bode"),
+    ("analysis/loop_step.py", "show.figures.runs:loop_step"),
+    ("analysis/orientation.py", "show.figures.pilot:percept"),
+    ("machine/replay.py", "show.figures.replay:replay_figure"),
+    ("motion/plan.py", "show.figures.motions:plan"),
+    ("motion/trajectory.py", "show.figures.runs:trajectories"),
+    ("run/design.py", "analysis.linear:linear"),
+    ("run/design.py", "show.figures.runs:effective_inertia"),
+    ("run/simulate.py", "show.figures.scope:scope"),
+}
+"""What methods call in higher layers, by place: the figures of results, and `design.linear`."""
 
 
 def test_every_contract_holds():
@@ -11,3 +32,20 @@ def test_every_contract_holds():
     root = Path(__file__).parents[1]
     done = subprocess.run([command, "--no-cache"], cwd=root, capture_output=True, text=True)
     assert done.returncode == 0 and "Contracts: 3 kept, 0 broken" in done.stdout, done.stdout
+
+
+def test_no_module_imports_itself_over_others():
+    graph = grimp.build_graph("sdt_drake", cache_dir=None)
+    imports = {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+    assert len(list(TopologicalSorter(imports).static_order())) == len(imports)  # or CycleError
+
+
+def test_methods_call_these_functions_of_higher_layers_and_no_others():
+    calls = {
+        (path.relative_to(PACKAGE).as_posix(), ast.literal_eval(node.args[0]))
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "higher"
+    }
+    assert calls == HIGHER
+    assert all(callable(pkgutil.resolve_name(f"sdt_drake.{place}")) for _, place in HIGHER)

@@ -25,7 +25,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_choice, needing, one_line
 from sdt_drake.io.files import write_csv
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.shown import Shown, Summary, face
+from sdt_drake.io.shown import Shown, Summary, higher
 from sdt_drake.robot.head import has_head
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
@@ -107,7 +107,7 @@ class Comparison(list[Compared], Shown):
 
     def plot(self) -> Figure:
         """Return a figure of errors and torques by controller, side by side."""
-        return face().plots.comparison(f"Comparison {self.summary().title}", self)
+        return higher("show.figures.runs:comparison")(f"Comparison {self.summary().title}", self)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return METRICS in their computed units (SI), a row for each controller and joint.

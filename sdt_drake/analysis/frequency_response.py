@@ -12,7 +12,7 @@ from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary, by_joint, face, formatted, joint_count
+from sdt_drake.io.shown import Shown, Summary, by_joint, formatted, higher, joint_count
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
 
@@ -72,7 +72,7 @@ class FrequencyResponse(Shown):
         """Return a figure of magnitude and phase; a design gives the joints their names."""
         names = [""] * len(self.bandwidth) if design is None else design.robot.joint_names
         title = "Frequency response" if design is None else design.scenario.summary().title
-        return face().plots.bode(title, self, names)
+        return higher("show.figures.runs:bode")(title, self, names)
 
     def results(self, title: str) -> Results:
         """Return the numbers of a file: omega, and magnitude and phase of both responses."""

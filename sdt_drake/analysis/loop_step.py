@@ -17,7 +17,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_choice, checked_number, one_line
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary, face, formatted, listed, numbered
+from sdt_drake.io.shown import Shown, Summary, formatted, higher, listed, numbered
 from sdt_drake.run.controllers import (
     controller_class,
     make_controller,
@@ -153,7 +153,7 @@ class LoopStep(Shown):
 
     def plot(self) -> Figure:
         """Return a figure of all responses, a row for each joint."""
-        return face().plots.loop_step(self)
+        return higher("show.figures.runs:loop_step")(self)
 
 
 def step(

@@ -15,7 +15,7 @@ from pydrake.systems.primitives import Demultiplexer, LogVectorOutput, Multiplex
 from sdt_drake.io.arguments import finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.shown import Shown, Summary, face, formatted
+from sdt_drake.io.shown import Shown, Summary, formatted, higher
 from sdt_drake.io.tables import data_frame
 from sdt_drake.robot.head import GRAVITY
 from sdt_drake.run.simulate import make_simulator
@@ -100,7 +100,7 @@ class Percept(Shown):
 
     def plot(self) -> Figure:
         """Return a figure of the felt attitude, and of felt beside true rates."""
-        return face().plots_pilot.percept("Felt orientation", self)
+        return higher("show.figures.pilot:percept")("Felt orientation", self)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return a table of gravity, rate and acceleration along x, y, z (1, 2, 3) over time.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import html
 import math
+import pkgutil
 import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -24,14 +24,16 @@ class Summary(NamedTuple):
     keys: int = 1
 
 
-def face() -> ModuleType:
-    """Return the package itself. Methods of results call its `plots` and `linear`.
+def higher(place: str) -> Any:
+    """Return a function of a higher layer by its place in this package.
 
-    This is the only import of a higher layer, so that users can call `run.plot()`.
+    Methods such as `run.plot` find their figure so, when they are called: no module imports a
+    higher layer. `tests/test_layers.py` lists all these places.
+
+    >>> higher("show.figures.scope:scope").__name__
+    'scope'
     """
-    import sdt_drake
-
-    return sdt_drake
+    return pkgutil.resolve_name(f"sdt_drake.{place}")
 
 
 class Shown:

@@ -15,7 +15,7 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.shown import Shown, Summary, face, of_joints
+from sdt_drake.io.shown import Shown, Summary, higher, of_joints
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.spikes import without_spikes
@@ -81,7 +81,7 @@ class Replay(Shown):
 
     def plot(self) -> Figure:
         """Return a figure of recorded and simulated errors and torques."""
-        return face().plots.replay(self)
+        return higher("show.figures.replay:replay_figure")(self)
 
     def recorded_rms(self, quantity: str) -> Array:
         """Return the RMS of a recorded quantity, shape (n,)."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sdt_drake.io.arguments import a, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
-from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
+from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.trajectory import Loss, Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
@@ -79,7 +79,7 @@ class Plan(Shown):
         Raises:
             InputError: if the robot has another number of joints.
         """
-        return face().plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
+        return higher("show.figures.motions:plan")("Plan", robot, self, margins(robot, self.motion))
 
     def peak_use(self, robot: Robot) -> Array:
         """Return the largest share of each motor's torque limit [-], shape (n,)."""

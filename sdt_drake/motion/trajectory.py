@@ -13,7 +13,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from sdt_drake.io.arguments import a_path, finite, positive, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
-from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
+from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class Motion(Shown):
         names = joint_names or [f"{k + 1}" for k in range(self.n)]
         if len(names) != self.n:
             raise InputError(f"{len(names)} name(s), expected {self.n}", place="joint_names")
-        return face().plots.trajectories("Motion", self, names)
+        return higher("show.figures.runs:trajectories")("Motion", self, names)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return a table of q_ref_k, v_ref_k, vd_ref_k with time as its index.

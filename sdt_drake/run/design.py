@@ -12,7 +12,7 @@ from sdt_drake.io.arguments import a, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, within
 from sdt_drake.io.fields import check_joints
-from sdt_drake.io.shown import Shown, Summary, face, of_joints
+from sdt_drake.io.shown import Shown, Summary, higher, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_plan
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
@@ -81,11 +81,12 @@ class Design(Shown):
         """Return a figure of the effective inertia along the motion, motor side."""
         robot, title = self.robot, f"{self.scenario.name}: effective inertia, motor side"
         i_eff = effective_inertia(robot, self.torques.d_kk)
-        return face().plots.effective_inertia(title, self.motion.time, i_eff, robot.joint_names)
+        draw = higher("show.figures.runs:effective_inertia")
+        return draw(title, self.motion.time, i_eff, robot.joint_names)
 
     def linear(self, sample: int = 0) -> LinearModel:
         """Return the closed loop linearised at rest at a sample; see `sdt_drake.linear`."""
-        return face().linear(self, sample)
+        return higher("analysis.linear:linear")(self, sample)
 
     # --- plant -------------------------------------------------------------------------------
 

@@ -67,7 +67,10 @@ class Loop:
     @cached_property
     def feedthrough(self) -> dict[str, Array] | None:
         """Gains from held inputs to the command; None if a run must stop at each update."""
-        return feedthrough(self)
+        if not self.is_planned or len(self.updates) > 2:  # external or late
+            return None
+        sampled = self.design.drive.period is not None
+        return feedthrough(self.controller, self.owner, sampled=sampled)
 
     def GetInputPort(self, name: str) -> InputPort:  # noqa: N802  # Drake's name
         """Return an input of the diagram by its name."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-from pydrake.systems.framework import Context, System
+from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.errors import InputError, checked_type
@@ -13,9 +13,6 @@ from sdt_drake.run.controllers import in_errors, make_controller
 from sdt_drake.run.controllers.base import LOOP_SIGNALS
 from sdt_drake.run.design import Design
 from sdt_drake.systems.wiring import systems_in
-
-if TYPE_CHECKING:
-    from sdt_drake.run.loop import Loop
 
 EXTERNAL = "external"
 """Option for a reference or controller outside the loop: the loop has an input for it."""
@@ -88,9 +85,8 @@ def check_no_tables(design: Design, *blocks: System) -> None:
                 )
 
 
-def check_inputs(loop: Loop, own: Context) -> None:
-    """Check that an external reference or controller is connected; `own` is the loop's context."""
-    diagram = loop.diagram
+def check_inputs(diagram: Diagram, own: Context) -> None:
+    """Check that an external reference or controller is connected to a loop with this context."""
     for port in map(diagram.get_input_port, range(diagram.num_input_ports())):
         if not port.HasValue(own) and port.get_name() != "extra_load_torque":
             raise InputError(

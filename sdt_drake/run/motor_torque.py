@@ -102,7 +102,7 @@ def _set_starts(
     updates = np.arange(len(signals["tau_cmd"]) - 1) * period
     first = np.searchsorted(steps.begin, updates - _MARGIN * period)
     newest = arrived(loop.design, updates, _MARGIN)
-    after = after_updates(loop, D, signals["tau_cmd"], signals["measured"], newest)
+    after = after_updates(loop.design, D, signals["tau_cmd"], signals["measured"], newest)
     steps.tau_cmd[0, first] = after
     if drive.torque_bandwidth is None:  # a torque loop does not jump
         error = np.array(0.0 if drive.torque_error is None else drive.torque_error)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import VectorLogSink
 
 from sdt_drake.io.arrays import Array, Index
@@ -14,9 +13,6 @@ from sdt_drake.run.controllers import SHIPPED
 from sdt_drake.run.design import Design
 from sdt_drake.systems import add_meter, arrival
 from sdt_drake.systems.wiring import add_logs
-
-if TYPE_CHECKING:
-    from sdt_drake.run.loop import Loop
 
 _TORQUES = ("tau_cmd", "tau_limited", "tau")
 
@@ -42,7 +38,9 @@ def add_run_logs(
     return sampled | add_logs(builder, each_step, None)
 
 
-def recorded(loop: Loop, context: Context) -> dict[str, Array]:
+def recorded(
+    diagram: Diagram, sinks: Mapping[str, VectorLogSink], context: Context, period: float
+) -> dict[str, Array]:
     """Return the logged signals by name, each of shape (samples, size).
 
     Torques are those just before each update of the drives, or of the reference for continuous
@@ -51,16 +49,17 @@ def recorded(loop: Loop, context: Context) -> dict[str, Array]:
     rows there.
 
     Args:
-        loop: the loop that was run.
-        context: the context of its diagram.
+        diagram: the diagram of the loop.
+        sinks: the sinks of `add_run_logs`.
+        context: the context of the diagram after the run.
+        period: period of `update_times` [s].
     """
     logs = {
-        name: sink.GetLog(loop.diagram.GetSubsystemContext(sink, context))
-        for name, sink in loop.logs.items()
+        name: sink.GetLog(diagram.GetSubsystemContext(sink, context))
+        for name, sink in sinks.items()
     }
     signals = {name: np.array(log.data().T) for name, log in logs.items()}
     times = signals["step_time"] = np.array(logs["torques"].sample_times())
-    period = loop.updates[-1]
     count = round(times[-1] / period) + 1
     at = np.searchsorted(times, (np.arange(count) - 1e-6) * period)
     at[0] = np.searchsorted(times, 0.0, "right") - 1
@@ -89,20 +88,22 @@ HELD = ("reference", "sampled_state")
 """Inputs of a controller that change at samples of the reference alone."""
 
 
-def feedthrough(loop: Loop) -> dict[str, Array] | None:
-    """Return D of each held input of the loop's controller, by name; None if there is no such D.
+def feedthrough(controller: System, owner: type, *, sampled: bool) -> dict[str, Array] | None:
+    """Return D of each held input of a controller, by name; None if there is no such D.
 
     The command just after an update is the one before + D (u after - u before), if the command is
     linear in the held inputs u, and nothing else in the controller changes at updates. In sampled
     drives all inputs are held, and the result is empty. A loop without D stops at each update, to
     evaluate the command.
+
+    Args:
+        controller: the system that commands the torque.
+        owner: its class.
+        sampled: True for sampled drives.
     """
-    if not loop.is_planned or len(loop.updates) > 2:  # external or late
+    if owner not in SHIPPED.values():  # your own may have any law
         return None
-    if loop.owner not in SHIPPED.values():  # your own may have any law
-        return None
-    controller = loop.controller
-    if loop.design.drive.period is not None or not controller.HasInputPort("measured"):
+    if sampled or not controller.HasInputPort("measured"):
         return {}
     context = controller.CreateDefaultContext()
     if context.num_discrete_state_groups():
@@ -129,12 +130,12 @@ def feedthrough(loop: Loop) -> dict[str, Array] | None:
 
 
 def after_updates(
-    loop: Loop, D: Mapping[str, Array], tau_cmd: Array, measured: Array, held: Index
+    design: Design, D: Mapping[str, Array], tau_cmd: Array, measured: Array, held: Index
 ) -> Array:
     """Return the command just after each update, motor side [N m], shape (M, n).
 
     Args:
-        loop: the loop that was run.
+        design: the design of the loop that was run.
         D: the `feedthrough` of its controller.
         tau_cmd: command just before each of M + 1 updates [N m], shape (M + 1, n).
         measured: q and v measured at the samples of the reference, joint side [rad, rad/s], shape
@@ -143,7 +144,7 @@ def after_updates(
     """
     if not D:
         return tau_cmd[1:]  # held until the next update
-    design, before = loop.design, np.maximum(np.arange(len(held)) - 1, 0)
+    before = np.maximum(np.arange(len(held)) - 1, 0)
     reference = design.reference
     values = {
         "reference": np.hstack([reference.q, reference.v, reference.vd])[held],

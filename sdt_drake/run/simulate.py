@@ -20,7 +20,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number, checked_type
 from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
+from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
 from sdt_drake.motion import Motion
 from sdt_drake.run.controllers import in_errors, own_code
@@ -153,7 +153,7 @@ class Recording(Shown):
         """
         design = None if design is None else as_design(design)
         title = "Recording" if design is None else design.scenario.summary().title
-        return face().plots.scope(title, self, design, joint)
+        return higher("show.figures.scope:scope")(title, self, design, joint)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return a data frame with RECORDED_COLUMNS of each joint; its index is the time [s].
@@ -264,7 +264,7 @@ def simulate(
     )
     context, own = simulator.get_mutable_context(), _own_context(loop, simulator)
     with own_code(design, loop.owner):
-        check_inputs(loop, own)
+        check_inputs(loop.diagram, own)
         loop.set_steady_state(own, q, v)
         try:
             simulator.Initialize()
@@ -279,7 +279,7 @@ def simulate(
                 f"scenario '{design.scenario.name}': the simulation is stuck at "
                 f"{context.get_time():.6g} s ({reason})"
             ) from None
-        signals = recorded(loop, own)
+        signals = recorded(loop.diagram, loop.logs, own, loop.updates[-1])
         tau_cmd = signals["tau_cmd"]
         _check_command(loop, tau_cmd, loop.updates[-1] * np.arange(len(tau_cmd)))
         return _recording(loop, signals)

@@ -93,7 +93,7 @@ def test_the_command_after_updates_is_that_of_the_loop(designed, kind, choices):
         before.append(command(loop, held[max(i - 1, 0)], q_before, q_v[4:]))
         after.append(command(loop, held[i], q_v[:4], q_v[4:]))
     tau_cmd = np.array([*before, before[0]])
-    told = after_updates(loop, loop.feedthrough, tau_cmd, measured, held)
+    told = after_updates(loop.design, loop.feedthrough, tau_cmd, measured, held)
     np.testing.assert_allclose(told, after, rtol=1e-9, atol=1e-6)
     assert not np.allclose(before[1:], after[1:]) or (kind == "pi" and not choices)
 
