@@ -28,7 +28,9 @@ from sdt_drake.robot.head import HeadMotion, head_motion_of_samples
 from sdt_drake.robot.robot import Robot
 from sdt_drake.systems.orientation import PERCEPTION, PerceptionModel
 
-LEVELS = dict(zip(FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True))
+LEVELS: dict[str, float] = dict(
+    zip(FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True)
+)
 """Smallest errors that count as an illusion, by quantity. Angles: the tilt threshold at 0.15 Hz
 (Suri & Clark 2020) [deg]. Rates: the rate of unperceived rotation [deg/s]."""
 

@@ -17,7 +17,7 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.yaml_files import read_yaml
-from sdt_drake.motion import IntendedIllusion
+from sdt_drake.motion import FELT_QUANTITIES, IntendedIllusion
 from sdt_drake.robot.head import HeadMotion
 from sdt_drake.systems.orientation import PerceptionModel, load_perception
 
@@ -88,7 +88,7 @@ def feelings(
         seed: seed of the random draw.
     """
     end = period * len(head.specific_force)
-    always = [IntendedIllusion(quantity=own, sign=0, start=0, end=end) for own in LEVELS]
+    always = [IntendedIllusion(quantity=own, sign=0, start=0, end=end) for own in FELT_QUANTITIES]
     sought = always if meant is None else [meant]
 
     def errors(pilot: PerceptionModel) -> list[float]:

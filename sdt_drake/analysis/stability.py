@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from sdt_drake.analysis.linear import close, linear_feedback, linear_process
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.progress import with_progress
-from sdt_drake.robot.device import Drive, Elasticity
+from sdt_drake.robot.device import Drive, Elasticity, Encoder
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS
@@ -64,7 +64,7 @@ def stability_sweep(
     design: Design,
     omega_r: float,
     *,
-    encoder: str = "motor",
+    encoder: Encoder = "motor",
     drive: Drive = IDEAL,
     ratios: ArrayLike = RATIOS,
     damping_ratio: float = 0.01,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import glob
 import json
 import os
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
+from sdt_drake.io.names import Schema, schema_leaves
 from sdt_drake.io.resources import models_dir, shipped
 
 if TYPE_CHECKING:
@@ -37,18 +38,11 @@ def controllers(context: CompletionContext) -> list[str]:
 def fields(context: CompletionContext) -> list[str]:
     """Complete fields of a scenario with each choice, or with the default value."""
     schema = json.loads((models_dir() / "schemas" / "scenario.json").read_text(encoding="utf-8"))
-    return [*_fields(schema, schema, "")]
+    return [line for name, node in schema_leaves(schema) for line in _lines(name, node)]
 
 
-def _fields(node: Any, top: Any, name: str) -> Iterator[str]:
-    """Yield FIELD=VALUE for all fields below a node of a JSON Schema."""
-    from sdt_drake.io.schema import inner
-
-    node = inner(node, top)
-    if "properties" in node:
-        for key, field in node["properties"].items():
-            yield from _fields(field, top, f"{name}.{key}".lstrip("."))
-        return
+def _lines(name: str, node: Schema) -> list[str]:
+    """Return FIELD=VALUE for each choice of a field, or for its default value."""
     default = node.get("default")
     shown = "" if default is None or isinstance(default, list) else default
-    yield from (f"{name}={value}" for value in node.get("enum", [shown]))
+    return [f"{name}={value}" for value in node.get("enum", [shown])]

@@ -50,7 +50,7 @@ def pages(topic: str | None) -> list[str]:
     """
     if topic is None:
         return [""]
-    from sdt_drake.io.fields import suggestion
+    from sdt_drake.io.errors import suggestion
     from sdt_drake.show.reference import TOPICS, anchor
 
     places: dict[str, list[str]] = {}

@@ -72,15 +72,15 @@ def run(
                 design, frequency, encoder=encoder, drive=drives[label], damping_ratio=damping
             )
     own, names = own_ratio(design, frequency), design.robot.joint_names
-    for encoder, by_drive in sweeps.items():
+    for place, by_drive in sweeps.items():
         limit = by_drive[label].unstable_from  # of the last drive, the scenario's
-        echo(f"{chosen.name}, encoder on the {encoder}: {_verdict(own, limit, names)}")
+        echo(f"{chosen.name}, encoder on the {place}: {_verdict(own, limit, names)}")
     echo(f"{choice.label}: {controller_class(choice.kind).in_words(design)}")
     echo(f"elastic joints: omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
     echo()
-    for encoder, by_drive in sweeps.items():
+    for place, by_drive in sweeps.items():
         for drive, sweep in by_drive.items():
-            echo(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's")
+            echo(f"encoder on the {place}, {drive}: damping ratio, and overshoot of the link's")
             echo("speed, over omega_n / omega_r")
             _print_sweep(sweep, design.robot.joint_names)
             echo()

@@ -40,16 +40,12 @@ class Problem(NamedTuple):
     """The dotted name of the field, entries counted from 1: "controller.kp[2]"."""
     where: str = ""
     """The file or object that contains the field."""
-    near: tuple[str, ...] = ()
-    """Known names similar to an unknown one."""
     kind: str = ""
     """"joints": the input belongs to a robot with other joints. "still": a joint moves no mass."""
 
     @property
     def text(self) -> str:
         """The problem without its place: what was found and what is accepted."""
-        if self.near:
-            return f"{self.found}, {meant(self.near)}"
         return f"{self.found}, expected {self.accepted}" if self.accepted else self.found
 
     def __str__(self) -> str:
@@ -136,6 +132,20 @@ def is_within(name: str, field: str) -> bool:
 def meant(near: Iterable[str]) -> str:
     """Return a suggestion from similar names: "did you mean 'kind'?"."""
     return f"did you mean {' or '.join(map(repr, near))}?"
+
+
+def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """Return a suggestion for an unknown name: "did you mean 'kind'?".
+
+    Without a similar name, return `otherwise`, by default a list of all known names.
+    """
+    import difflib
+
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=3)
+    if near:
+        return meant(near)
+    return otherwise or f"expected one of {', '.join(known)}"
 
 
 def one_line(error: object) -> str:

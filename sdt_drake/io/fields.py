@@ -21,11 +21,10 @@ change afterwards: lists become tuples. Only the number of joints is known later
 """
 
 import dataclasses
-import difflib
 import functools
 import re
 import typing
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from itertools import count
 from pathlib import Path
@@ -34,6 +33,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
 import numpy as np
 from pydantic import (
     BeforeValidator,
+    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -41,19 +41,19 @@ from pydantic import (
     ValidationInfo,
     ValidatorFunctionWrapHandler,
 )
-from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from sdt_drake.io.errors import MAX_PROBLEMS, InputError, Problem, at_most, dotted, meant
-from sdt_drake.io.names import given_fields, put
+from sdt_drake.io.errors import MAX_PROBLEMS, InputError, Problem, at_most
+from sdt_drake.io.messages import problems_of, refused
+from sdt_drake.io.names import Schema, given_fields, leaves, put
 from sdt_drake.io.resources import beside
-from sdt_drake.io.schema import CONFIG, Schema, adapter, expected, inner, schema_of
+from sdt_drake.io.schema import CONFIG, adapter, expected, schema_of
 
 T = TypeVar("T")
 
 Problems = Iterator[tuple[str, str]]
 """Violated rules between fields: the dotted name of a field, and a text."""
 
-_MAX_SHOWN = 60  # characters of a value in messages
 _MAX_MISSING, _MAX_MAPPINGS = 1000, 20_000  # names of no file, and mappings of models, in a file
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # text in YAML 1.1
 
@@ -106,16 +106,6 @@ EachJoint = Annotated[EachJointOrNone[T], Field(min_length=1)]
 
 
 @dataclass(frozen=True)
-class OneOf:
-    """The texts that a field accepts."""
-
-    choices: Collection[str]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
-        return core_schema.literal_schema(list(self.choices))
-
-
-@dataclass(frozen=True)
 class FileOf:
     """The path or short name of a file of a kind, see `SHIPPED` in `sdt_drake.io.resources`.
 
@@ -146,27 +136,20 @@ class FileOf:
             return beside(str(text), folder, self.kind, similar=missing < MAX_PROBLEMS)
         except InputError as error:
             context["missing"] = missing + 1
-            raise _refused(*error.problems) from None
+            raise refused(*error.problems) from None
 
 
-class Tagged:
-    """A union of models. The tag of a mapping (`!Name`) chooses one; without a tag, the first."""
+def tag_or(first: str) -> Discriminator:
+    """Return what chooses a model of a union: the tag of a mapping (`!Name`), or `first`."""
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        options = typing.get_args(source)
-        first = _tag(options[0])
+    def tag(data: Any) -> str:
+        return str(data.get("_tag", first)) if isinstance(data, dict) else _tag(type(data))
 
-        def tag(data: Any) -> str:
-            return str(data.get("_tag", first)) if isinstance(data, dict) else _tag(type(data))
-
-        schemas = {_tag(option): handler.generate_schema(option) for option in options}
-        return core_schema.tagged_union_schema(schemas, tag)
+    return Discriminator(tag)
 
 
-def _tag(schema: type) -> str:
-    return f"!{schema.__name__}"
+def _tag(model: type) -> str:
+    return f"!{model.__name__}"
 
 
 def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: Any) -> Any:
@@ -232,10 +215,10 @@ class Input:
         if not isinstance(data, dict):
             raise PydanticCustomError("model", "no model")
         if next((info.context or {})["mappings"]) >= _MAX_MAPPINGS:  # each may have many problems
-            raise _refused(Problem(f"more than {_MAX_MAPPINGS} mappings"))
+            raise refused(Problem(f"more than {_MAX_MAPPINGS} mappings"))
         tag = data.get("_tag", _tag(cls))
         if tag != _tag(cls):
-            raise _refused(Problem(f"unknown kind {tag}", _tag(cls)))
+            raise refused(Problem(f"unknown kind {tag}", _tag(cls)))
         thing = read({name: _plain(value) for name, value in data.items() if name != "_tag"})
         vars(thing).update({name: _frozen(value) for name, value in vars(thing).items()})
         thing.complete()
@@ -255,7 +238,7 @@ def _ruled(thing: Input) -> Input:
     except InputError as error:
         problems += error.problems
     if problems:
-        raise _refused(*problems)
+        raise refused(*problems)
     return thing
 
 
@@ -273,28 +256,18 @@ def check_joints(thing: Input, where: str | Path, n: int) -> None:
     Raises:
         InputError: one problem for each wrong list.
     """
-    if problems := [one._replace(where=f"{where}") for one in _miscounted(thing, n)]:
+    problems = [
+        Problem(f"{len(value)} value(s)", f"{n}, one for each joint", name, f"{where}")
+        for name, field, value in leaves(thing)
+        if _is_per_joint(field.type) and value and len(value) != n
+    ]
+    if problems:
         raise InputError(*problems)
 
 
-def _miscounted(thing: Input, n: int, prefix: str = "") -> Iterator[Problem]:
-    for name, value in given_fields(thing):
-        if isinstance(value, Input):
-            yield from _miscounted(value, n, f"{prefix}{name}.")
-        elif value and name in _per_joint(cast(Any, type(thing))) and len(value) != n:
-            yield Problem(f"{len(value)} value(s)", f"{n}, one for each joint", prefix + name)
-
-
-@functools.cache
-def _per_joint(model: Any) -> set[str]:
-    """Return the names of the fields with one value for each joint."""
-
-    def is_marked(hint: Any) -> bool:
-        inner = (getattr(hint, "__origin__", None), *typing.get_args(hint))
-        return hint is _PER_JOINT or any(map(is_marked, filter(None, inner)))
-
-    hints = typing.get_type_hints(model, include_extras=True)
-    return {name for name, hint in hints.items() if is_marked(hint)}
+def _is_per_joint(hint: Any) -> bool:
+    """Check whether the type of a field is marked as a list with one value for each joint."""
+    return hint is _PER_JOINT or any(map(_is_per_joint, typing.get_args(hint)))
 
 
 def made(schema: type[T], data: Any, file: Path) -> T:
@@ -323,14 +296,7 @@ def _made(
         made_ = validator.validate_python(data, context=context, self_instance=instance)
         return cast(T, made_)
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        problems = [
-            problem._replace(where=": ".join(filter(None, (where, problem.where))))
-            for one in errors[:MAX_PROBLEMS]
-            for problem in _told(one, schema, is_file="folder" in context)
-        ]
-        # The others are only counted, as similar names for each take up to milliseconds.
-        problems += [Problem("another problem", where=where)] * (len(errors) - MAX_PROBLEMS)
+        problems = [*problems_of(error, schema, where, is_file="folder" in context)]
     raise InputError(*problems)
 
 
@@ -339,52 +305,6 @@ def _name(thing: Input) -> str:
     kind = re.sub(r"\B[A-Z]", r" \g<0>", type(thing).__name__).lower()
     name = getattr(thing, "name", "")
     return f"{kind} '{name}'" if name else kind
-
-
-def _refused(*problems: Problem) -> PydanticCustomError:
-    return PydanticCustomError("refused", "refused", {"problems": problems})
-
-
-def _told(error: ErrorDetails, schema: type, *, is_file: bool) -> Iterator[Problem]:
-    """Translate an error of pydantic. The accepted values follow from the JSON Schema."""
-    kind, data, names = error["type"], error["input"], error["loc"]
-    is_unknown = kind == "unexpected_keyword_argument"
-    place, node = _found(schema, names[:-1] if is_unknown else names)
-    accepted = expected(node)
-    if is_unknown:
-        yield unknown(dotted(place, f"{names[-1]}"), f"{names[-1]}", node["properties"])
-    elif kind == "refused":
-        for problem in error["ctx"]["problems"]:
-            yield problem._replace(place=dotted(place, problem.place))
-    elif kind == "missing":
-        yield Problem("missing", accepted, place)
-    elif kind == "union_tag_invalid" and isinstance(data, dict):
-        yield Problem(f"unknown kind {error['ctx']['tag']}", accepted, place)
-    elif kind in ("too_short", "too_long") and data:
-        yield Problem(f"{len(data)} value(s)", f"{node['minItems']}", place)
-    elif kind == "model" and not is_file:
-        yield Problem(_shown(data), f"a {node['title']}", place)
-    elif kind == "finite_number":
-        yield Problem(_shown(data), accepted.replace("a ", "a finite ", 1), place)
-    elif kind == "beyond":
-        yield Problem(_shown(data), f"{accepted}{error['ctx']['most']}", place)
-    else:
-        yield Problem(_shown(data), accepted, place)
-
-
-def _found(schema: type, names: Iterable[int | str]) -> tuple[str, Schema]:
-    """Return the dotted name of a field and its JSON Schema."""
-    place, top = "", schema_of(schema)
-    node = top
-    for name in names:
-        if isinstance(name, int):
-            place, node = f"{place}[{name + 1}]", {"unit": node.get("unit", "-"), **node["items"]}
-        elif name.startswith("!"):
-            node = top["$defs"][name[1:]]
-        else:
-            place, node = dotted(place, name), node["properties"][name]
-        node = inner(node, top)
-    return place, node
 
 
 def _plain(data: Any) -> Any:
@@ -397,43 +317,3 @@ def _plain(data: Any) -> Any:
 def _frozen(data: Any) -> Any:
     """Convert lists to tuples."""
     return tuple(map(_frozen, data)) if isinstance(data, list) else data
-
-
-def _shown(value: Any) -> str:
-    if value in (None, "", []):
-        return "empty"
-    if isinstance(value, int) and abs(value) >= 2**64:
-        return "a whole number of more than 64 bits"
-    text = repr(value)
-    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
-
-
-# --- names -----------------------------------------------------------------------------------
-
-
-def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted names and values of all fields that differ from their defaults."""
-    for field in dataclasses.fields(thing):
-        value = getattr(thing, field.name)
-        if isinstance(value, Input):
-            yield from given(value, f"{prefix}{field.name}.")
-        elif value != field.default:
-            yield prefix + field.name, value
-
-
-def unknown(place: str, name: str, known: Collection[str]) -> Problem:
-    """Return the problem of an unknown field name."""
-    near = tuple(difflib.get_close_matches(name, known, n=3))
-    return Problem("no such field", f"one of {', '.join(known)}", place, near=near)
-
-
-def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
-    """Return a suggestion for an unknown name: "did you mean 'kind'?".
-
-    Without a similar name, return `otherwise`, by default a list of all known names.
-    """
-    known = list(known)
-    near = difflib.get_close_matches(name, known, n=3)
-    if near:
-        return meant(near)
-    return otherwise or f"expected one of {', '.join(known)}"

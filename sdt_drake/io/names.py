@@ -1,4 +1,4 @@
-"""Fields by dotted names, such as "controller.kp[2]": reading them, and changing them in copies."""
+"""Fields by dotted names, such as "controller.kp[2]", of objects, mappings and JSON Schemas."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sdt_drake.io.errors import InputError, one_line
+from sdt_drake.io.errors import InputError, dotted, one_line
+
+Schema = dict[str, Any]
 
 _PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")
 
@@ -27,6 +29,9 @@ def parts_of(name: str) -> list[tuple[str, int | None]]:
     return [(match[1], int(match[2]) - 1 if match[2] else None) for match in matches if match]
 
 
+# --- objects ---------------------------------------------------------------------------------
+
+
 def value_of(thing: Any, name: str) -> Any:
     """Return the value of a field of an object, or of an entry of its list."""
     for field, entry in parts_of(name):
@@ -41,6 +46,21 @@ def given_fields(thing: Any) -> Iterator[tuple[str, Any]]:
         value = getattr(thing, field.name)
         if value is not None or field.default is not None:
             yield field.name, value
+
+
+def leaves(thing: Any, prefix: str = "") -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
+    """Yield dotted name, owner's field and value of all fields of an object that are no objects."""
+    for field in dataclasses.fields(thing):
+        value, name = getattr(thing, field.name), f"{prefix}{field.name}"
+        if dataclasses.is_dataclass(value):
+            yield from leaves(value, f"{name}.")
+        else:
+            yield name, field, value
+
+
+def given(thing: Any) -> Iterator[tuple[str, Any]]:
+    """Yield dotted names and values of all fields that differ from their defaults."""
+    return ((name, value) for name, field, value in leaves(thing) if value != field.default)
 
 
 def put(thing: object, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,3 +102,41 @@ def _with_entry(entries: Any, entry: int, value: Any, name: str) -> list[Any]:
         text = f"the list has {count or 'no'} entries, expected {accepted}"
         raise InputError(text, place=name)
     return [*entries[:entry], value, *entries[entry + 1 :]]
+
+
+# --- JSON Schemas ----------------------------------------------------------------------------
+
+
+def inner(node: Schema, top: Schema) -> Schema:
+    """Return the schema of a field without null, and with its reference resolved."""
+    node = without_null(node)
+    name = node.get("$ref", "").rpartition("/")[2]
+    return node | top["$defs"][name] if name else node
+
+
+def without_null(node: Schema) -> Schema:
+    """Return the schema of a field without null."""
+    options = [option for option in node.get("anyOf", []) if option.get("type") != "null"]
+    rest = {name: value for name, value in node.items() if name != "anyOf"}
+    return rest | options[0] if len(options) == 1 else node
+
+
+def schema_at(top: Schema, name: str) -> Schema | None:
+    """Return the schema of a field, or of the list of an entry; None if there is no such field."""
+    node = top
+    for part, _ in parts_of(name):
+        if part not in node.get("properties", ()):
+            return None
+        node = inner(node["properties"][part], top)
+    return node
+
+
+def schema_leaves(
+    top: Schema, node: Schema | None = None, name: str = ""
+) -> Iterator[tuple[str, Schema]]:
+    """Yield dotted name and schema of each field that is no mapping of fields."""
+    node = inner(top if node is None else node, top)
+    if "properties" not in node:
+        yield name, node
+    for key, field in node.get("properties", {}).items():
+        yield from schema_leaves(top, field, dotted(name, key))

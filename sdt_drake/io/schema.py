@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import copy
+import inspect
+import itertools
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -11,10 +14,10 @@ from pydantic import ConfigDict, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
-Schema = dict[str, Any]
+from sdt_drake.io.names import Schema, inner, without_null
 
 CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-"""Configuration of pydantic for all models. Only `schema_of` reads the docstrings of fields."""
+"""Configuration of pydantic for all models."""
 
 _BOUNDS = {">": "exclusiveMinimum", ">=": "minimum", "<=": "maximum", "<": "exclusiveMaximum"}
 _NAMES = {"gt": _BOUNDS[">"], "ge": _BOUNDS[">="], "le": _BOUNDS["<="], "lt": _BOUNDS["<"]}
@@ -48,7 +51,17 @@ class Part(NamedTuple):
 
 
 class _Generator(GenerateJsonSchema):
-    """A generator of schemas without tags, because JSON has none: a union accepts any option."""
+    """A generator of schemas with the docstrings of fields.
+
+    It leaves out tags, because JSON has none: a union accepts any option.
+    """
+
+    def dataclass_schema(self, schema: core_schema.DataclassSchema) -> Schema:
+        made = super().dataclass_schema(schema)
+        for name, text in _docstrings(schema["cls"]).items():
+            field = made["properties"][name]
+            made["properties"][name] = {"description": text} | field
+        return made
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> Schema:
         return {"anyOf": [self.generate_inner(option) for option in schema["choices"].values()]}
@@ -66,16 +79,27 @@ def adapter(model: Any) -> TypeAdapter[Any]:
 @cache
 def schema_of(model: Any) -> Schema:
     """Make the JSON Schema of a model."""
-    CONFIG["use_attribute_docstrings"] = True  # slow, and needed for schemas only
-    try:
-        made: Schema = _tidied(TypeAdapter(model).json_schema(schema_generator=_Generator))
-    finally:
-        CONFIG["use_attribute_docstrings"] = False
-    for base in getattr(model, "__bases__", ()):  # pydantic skips docstrings of inherited fields
-        if getattr(base, "__dataclass_fields__", None):
-            own = made["properties"]
-            own |= {name: x | own[name] for name, x in schema_of(base)["properties"].items()}
+    made: Schema = _tidied(adapter(model).json_schema(schema_generator=_Generator))
     return made
+
+
+def _docstrings(model: type) -> dict[str, str]:
+    """Return the docstrings of a dataclass' fields, also of inherited ones.
+
+    pydantic's own, `use_attribute_docstrings`, would read the source whenever a model is used.
+    """
+    texts: dict[str, str] = {}
+    for base in reversed(model.__mro__):
+        if "__dataclass_params__" in vars(base):
+            (tree,) = ast.parse(inspect.getsource(base)).body
+            for field, text in itertools.pairwise(getattr(tree, "body", ())):
+                match field, text:
+                    case (
+                        ast.AnnAssign(target=ast.Name(id=name)),
+                        ast.Expr(value=ast.Constant(value=str(words))),
+                    ):
+                        texts[name] = inspect.cleandoc(words)
+    return texts
 
 
 def _tidied(node: Any) -> Any:
@@ -105,26 +129,12 @@ def json_schema(model: type, title: str) -> Schema:
     return head | {"patternProperties": {"^_": {}}}  # anchors, ignored by the reader
 
 
-def inner(node: Schema, top: Schema) -> Schema:
-    """Return the schema of a field without null, and with its reference resolved."""
-    node = _given(node)
-    name = node.get("$ref", "").rpartition("/")[2]
-    return node | top["$defs"][name] if name else node
-
-
-def _given(node: Schema) -> Schema:
-    """Return the schema of a field without null."""
-    options = [option for option in node.get("anyOf", []) if option.get("type") != "null"]
-    rest = {name: value for name, value in node.items() if name != "anyOf"}
-    return rest | options[0] if len(options) == 1 else node
-
-
 # --- texts -----------------------------------------------------------------------------------
 
 
 def expected(node: Schema, *, unit: bool = True) -> str:
     """Return the accepted values of a field as text: "a number > 0 [s]"."""
-    node = _given(node)
+    node = without_null(node)
     if "properties" in node:
         return f"a mapping with {', '.join(node['properties'])}"
     if models := _models(node):
@@ -186,7 +196,7 @@ def _parts(mapping: Schema, top: Schema, title: str, prefix: str, seen: set[str]
     ]
     yield Part(title, mapping["description"], rows)
     for name, field in fields.items():
-        place, node = prefix + name, _given(field)
+        place, node = prefix + name, without_null(field)
         if "items" in node:
             place, node = f"{place}[]", node["items"]
         if "$ref" in node:
@@ -206,7 +216,7 @@ def _default(field: Schema) -> str:
     if "default" not in field:
         return "as below"
     default = field["default"]
-    if default is None and _given(field) is field:  # null is refused: the field is required
+    if default is None and without_null(field) is field:  # null is refused: the field is required
         return ""
     if default in (None, "", []):
         return "none"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from sdt_drake.io.arguments import a, a_path, positive, share, takes
 from sdt_drake.io.errors import InputError, checked_choice, within
@@ -76,6 +76,7 @@ def load_commanded(path: str | Path, robot: Robot, period: float) -> Motion:
         return commanded_motion(robot, load_command(file, robot), period)
 
 
+Planner = Literal["limiter", "retiming"]
 PLANNERS = {"limiter": plan_motion, "retiming": retime}
 """Planners by name: functions `(robot, command, *, period, torque_margin) -> Plan`."""
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -12,18 +12,16 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
-    OneOf,
     Positive,
     Problems,
     Some,
-    Tagged,
     Text,
     Values,
     setting,
 )
 from sdt_drake.io.resources import shipped
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.motion.segments import Fourier, Hold, Knots, Oscillation, Ramp, Sampled, Turn, either
+from sdt_drake.motion.segments import AnySegment, Hold, JointSegment, Ramp, either
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +45,7 @@ class Track(Input):
     """Name of the joint; alternative to resultant."""
     resultant: Resultant | None = None
     """Joints that make a commanded G; alternative to joint."""
-    segments: Some[
-        Annotated[Ramp | Hold | Turn | Knots | Sampled | Oscillation | Fourier, Tagged()]
-    ]
+    segments: Some[AnySegment]
     """Segments in order of time."""
 
     def problems(self) -> Problems:
@@ -78,7 +74,8 @@ class Track(Input):
         return [j for j in (self.resultant.spin, self.resultant.align) if j is not None]
 
 
-FELT_QUANTITIES = ("roll", "pitch", "roll rate", "pitch rate", "yaw rate")
+FeltQuantity = Literal["roll", "pitch", "roll rate", "pitch rate", "yaw rate"]
+FELT_QUANTITIES: tuple[FeltQuantity, ...] = get_args(FeltQuantity)
 """Quantities of an illusion: angles of the head from the true vertical, rates about its axes."""
 
 
@@ -86,7 +83,7 @@ FELT_QUANTITIES = ("roll", "pitch", "roll rate", "pitch rate", "yaw rate")
 class IntendedIllusion(Input):
     """The illusion that a motion should give: an error of the felt motion between two times."""
 
-    quantity: Annotated[str, OneOf(FELT_QUANTITIES)]
+    quantity: FeltQuantity
     """Quantity that should be felt wrongly: an angle from the true vertical, or a rate about an
     axis of the head (x forward, y left, z up)."""
     sign: Annotated[int, Field(ge=-1, le=1)] = setting(unit="-")
@@ -129,9 +126,7 @@ class MotionProfile(Input):
     """Joint angles at the start in rad; alternative to start_deg."""
     tracks: Values[Track] = setting(())
     """Tracks of the joints that move; other joints stay at their start angles."""
-    joints: EachJointOrNone[Annotated[Knots | Sampled | Oscillation | Fourier, Tagged()]] = setting(
-        ()
-    )
+    joints: EachJointOrNone[JointSegment] = setting(())
     """One segment for each joint, base to tip; alternative to tracks."""
 
     def problems(self) -> Problems:

@@ -8,28 +8,29 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Tag
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import (
     NotNegative,
     Number,
-    OneOf,
     Positive,
     Problems,
     Some,
     Values,
     Variant,
     setting,
+    tag_or,
 )
 from sdt_drake.motion.spin import SpinGeometry
 
 SpeedStep = tuple[float, float]
 """Time since the start of the segment [s], and the speed then [rad/s]."""
 
-BLENDS = ("cosine", "linear")
+Blend = Literal["cosine", "linear"]
 # Largest acceleration of a ramp, over its mean one.
 _PEAK_ACCELERATION = {"cosine": np.pi / 2, "linear": 1.0}
 # Largest speed of a turn, over its mean one: up and down along cosines, or a trapezoid whose
@@ -96,7 +97,7 @@ class Ramp(Segment):
     """Duration of the change; alternative to acceleration_deg_s2."""
     acceleration_deg_s2: Positive | None = setting(None, unit="deg/s²", side="joint")
     """Largest acceleration; alternative to duration."""
-    blend: Annotated[str, OneOf(BLENDS)] = "cosine"
+    blend: Blend = "cosine"
     """Shape of the speed: "cosine", or "linear" with jumps of the acceleration."""
 
     def problems(self) -> Problems:
@@ -132,7 +133,7 @@ class Turn(Segment):
     """Duration of the turn; alternative to speed_deg_s."""
     speed_deg_s: Positive | None = setting(None, unit="deg/s", side="joint")
     """Largest speed; alternative to duration."""
-    blend: Annotated[str, OneOf(BLENDS)] = "cosine"
+    blend: Blend = "cosine"
     """Shape of the speed: "cosine" is (1 - cos) / 2, whose mean is half the largest speed; "linear"
     is a trapezoid of three equal times, whose mean is two thirds."""
 
@@ -334,6 +335,24 @@ class Fourier(Swing):
     def angle(self) -> float:
         """Return 0: a whole period ends at its start angle."""
         return 0.0
+
+
+_Whole = (
+    Annotated[Knots, Tag("!Knots")]
+    | Annotated[Sampled, Tag("!Sampled")]
+    | Annotated[Oscillation, Tag("!Oscillation")]
+    | Annotated[Fourier, Tag("!Fourier")]
+)
+JointSegment = Annotated[_Whole, tag_or("!Knots")]
+"""A segment that may be the whole motion of a joint."""
+AnySegment = Annotated[
+    Annotated[Ramp, Tag("!Ramp")]
+    | Annotated[Hold, Tag("!Hold")]
+    | Annotated[Turn, Tag("!Turn")]
+    | _Whole,
+    tag_or("!Ramp"),
+]
+"""A segment of a track."""
 
 
 def _too_many(period: float, end: float) -> Problems:

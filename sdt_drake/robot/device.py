@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,6 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
-    OneOf,
     Positive,
     Problems,
     setting,
@@ -82,7 +81,8 @@ class Drive(Input):
 
 # --- elastic joints: a spring and a damper between each motor and its link -------------------
 
-ENCODERS = ("motor", "link")
+Encoder = Literal["motor", "link"]
+ENCODERS: tuple[Encoder, ...] = get_args(Encoder)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Elasticity(Input):
     joints are rigid by default."""
     damping_ratio: NotNegative = setting(0.01, unit="-")
     """Damping ratio of this oscillation."""
-    encoder: Annotated[str, OneOf(ENCODERS)] = "motor"
+    encoder: Encoder = "motor"
     """Side of the joint where the controller measures."""
 
     @property

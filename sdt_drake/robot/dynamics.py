@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,7 +152,8 @@ def gravity_stiffness(robot: Robot, q: Array) -> Array:
 
 # --- loads (Algorithm 1) --------------------------------------------------------------------
 
-SIGNS = ("consistent", "printed")
+Sign = Literal["consistent", "printed"]
+SIGNS: tuple[Sign, ...] = get_args(Sign)
 
 
 class Loads(NamedTuple):

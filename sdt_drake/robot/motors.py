@@ -4,25 +4,23 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, at
+from sdt_drake.io.errors import InputError, at, suggestion
 from sdt_drake.io.fields import (
     EachJoint,
     EachJointOrNone,
     FileOf,
     Input,
     NotNegative,
-    OneOf,
     Positive,
     Problems,
     Some,
     Text,
     setting,
-    suggestion,
 )
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.device import Drive
@@ -33,9 +31,6 @@ from sdt_drake.robot.sdf import DRAKE, child, link_named, links_by_name, scale_l
 
 DEFAULT_CATALOGUE = "package://sdt/motors.yaml"
 
-MOTOR_KINDS = ("torque motor", "geared motor")
-"""Kinds of motors: direct drive, or motor with gearbox."""
-
 _RPM = 2 * pi / 60  # rad/s
 
 
@@ -45,7 +40,7 @@ class Motor(Input):
 
     id: Text
     """Short name."""
-    kind: Annotated[str, OneOf(MOTOR_KINDS)]
+    kind: Literal["torque motor", "geared motor"]
     """Direct drive, or motor with gearbox."""
     peak_torque: Positive = setting(unit="N m", side="motor")
     """Largest torque."""

@@ -13,8 +13,7 @@ from xml.parsers import expat
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MAX_NUMBER, InputError
-from sdt_drake.io.fields import suggestion
+from sdt_drake.io.errors import MAX_NUMBER, InputError, suggestion
 from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.rounding import last_digit, nearest_inertia
 from sdt_drake.robot.urdf import sdf_of_urdf

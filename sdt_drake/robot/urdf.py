@@ -6,8 +6,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import suggestion
+from sdt_drake.io.errors import InputError, suggestion
 from sdt_drake.io.shown import listed
 from sdt_drake.robot.coupling import TURNS_WITH
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import GetJsonSchemaHandler
 from pydantic_core import CoreSchema
@@ -16,36 +16,32 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
-    OneOf,
     Positive,
     Problems,
     Text,
-    given,
     setting,
 )
-from sdt_drake.io.schema import Schema
+from sdt_drake.io.names import Schema, given
 from sdt_drake.io.shown import Shown, Summary
 from sdt_drake.io.trust import trusting
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
-from sdt_drake.motion import PLANNERS
+from sdt_drake.motion import Planner
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.robot.dynamics import SIGNS
+from sdt_drake.robot.dynamics import Sign
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.robot.robot import DEFAULT_ROBOT
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS, load_controllers
-from sdt_drake.systems.gains import FEEDFORWARDS, STRUCTURES
+from sdt_drake.systems.gains import FeedforwardKind, Structure
 
-PLANTS = ("axis", "coupled")
-INVERSE_DYNAMICS = ("table", "online")
-HELD_SPEEDS = ("start", "mean")
+PlantKind = Literal["axis", "coupled"]
 
 
 @dataclass(frozen=True)
 class PlantChoice(Input):
     """The simulated plant: single axes or the whole coupled robot, with all that is not ideal."""
 
-    kind: Annotated[str, OneOf(PLANTS)] = "axis"
+    kind: PlantKind = "axis"
     """"axis": each motor turns a constant inertia against the load torque of the reference, as in
     the paper's models. "coupled": the MultibodyPlant."""
     i_eff: EachJoint[Positive] | None = setting(None, unit="kg m²", side="motor")
@@ -73,7 +69,7 @@ class ControllerChoice(Input):
     file: Annotated[str, FileOf("controllers")] = ""
     """Python file that registers your own controllers, relative to the scenario's folder. It is run
     once it is trusted. None by default."""
-    structure: Annotated[str, OneOf(STRUCTURES)] = "p_in_feedback"
+    structure: Structure = "p_in_feedback"
     """Structure of the PI controller: "p_in_feedback" (Figure 5), or "pi" with both gains on the
     error. The kinds "pi_id" and "p_pi" always use "pi"."""
     omega_r: Positive | None = setting(None, unit="rad/s")
@@ -90,7 +86,7 @@ class ControllerChoice(Input):
     anti_windup: bool = False
     """Anti-windup: whether back-calculation limits the integral of the PI controller while
     the motor saturates."""
-    feedforward: Annotated[str, OneOf(FEEDFORWARDS)] | None = None
+    feedforward: FeedforwardKind | None = None
     """Torque feedforward of the kinds "p_pi" and "pi_scheduled": "none" (default), "ctc",
     "id"."""
     feedforward_gain: EachJoint[Number] | None = setting(None, unit="-")
@@ -189,20 +185,20 @@ class Scenario(Input, Shown):
     default."""
     period: Positive = setting(0.005, unit="s")
     """Interpolation period, used by planner, hold and log."""
-    held_speed: Annotated[str, OneOf(HELD_SPEEDS)] = "start"
+    held_speed: Literal["start", "mean"] = "start"
     """Speed of the reference within each period. "start" is the speed at its start, as in the
     paper; it lags by half a period while joints accelerate. "mean" is (q_ref of the next
     sample - q_ref) / period, as in set points of drives. Errors are measured against the motion in
     both cases."""
     torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
     """Share of the motors' torque limit that the planner may use."""
-    planner: Annotated[str, OneOf(tuple(PLANNERS))] = "limiter"
+    planner: Planner = "limiter"
     """"limiter": the paper's planner, which keeps the timing where the limits allow it. "retiming":
     keeps the path and slows down."""
-    algorithm: Annotated[str, OneOf(SIGNS)] = "consistent"
+    algorithm: Sign = "consistent"
     """Sign of the third branch of Algorithm 1: "consistent", or "printed" as in the paper, with
     sign(0) = 0."""
-    inverse_dynamics: Annotated[str, OneOf(INVERSE_DYNAMICS)] = "table"
+    inverse_dynamics: Literal["table", "online"] = "table"
     """"table": load torques are computed before the run. "online": a block computes them."""
     accuracy: Number = setting(0.0001, ge=1e-12, le=0.01, unit="rad/s")
     """Accuracy of simulated speeds. Positions are accurate to a tenth of its value in rad."""

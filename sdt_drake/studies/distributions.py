@@ -9,11 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Annotated
 
 import numpy as np
+from pydantic import Tag
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import Number, Positive, Problems, Some, Variant, setting
+from sdt_drake.io.fields import Number, Positive, Problems, Some, Variant, setting, tag_or
 from sdt_drake.studies.fields import Value
 
 MAX_RUNS = 10_000_000
@@ -150,6 +152,15 @@ class Choice(_Listed):
 
 
 Random = Uniform | LogUniform | Normal
+AnyDistribution = Annotated[
+    Annotated[Uniform, Tag("!Uniform")]
+    | Annotated[LogUniform, Tag("!LogUniform")]
+    | Annotated[Normal, Tag("!Normal")]
+    | Annotated[Grid, Tag("!Grid")]
+    | Annotated[List, Tag("!List")]
+    | Annotated[Choice, Tag("!Choice")],
+    tag_or("!Uniform"),
+]
 
 
 def _width_problems(low: float, high: float) -> Problems:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.io.errors import InputError, is_within
-from sdt_drake.io.fields import suggestion
-from sdt_drake.io.names import parts_of, value_of
-from sdt_drake.io.schema import inner, parts, schema_of
+from sdt_drake.io.errors import InputError, is_within, suggestion
+from sdt_drake.io.names import parts_of, schema_at, schema_leaves, value_of
+from sdt_drake.io.schema import schema_of
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 
 Value = float | str
@@ -87,13 +86,10 @@ def find_field(name: str) -> Field:
     Raises:
         InputError: for an unknown name (with similar ones), or the name of a group of fields.
     """
-    top = node = schema_of(Scenario)
-    parts = parts_of(name)
-    for part, _ in parts:
-        if part not in node.get("properties", ()):
-            raise _unknown(name)
-        node = inner(node["properties"][part], top)
-    (last, entry), many = parts[-1], "items" in node
+    node = schema_at(schema_of(Scenario), name)
+    if node is None:
+        raise _unknown(name)
+    (last, entry), many = parts_of(name)[-1], "items" in node
     if entry is not None and not many:
         raise InputError(f"{last} is not a list, expected it without [{entry + 1}]", place=name)
     if "properties" in node and name != "controller":
@@ -123,8 +119,7 @@ def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> Non
 @functools.cache
 def field_names() -> tuple[str, ...]:
     """Return the dotted names of all fields of a scenario; lists without their entries."""
-    entries = (entry for part in parts(Scenario) for entry in part.entries)
-    return tuple(entry.name for entry in entries if entry.takes != "a mapping")
+    return tuple(name for name, _ in schema_leaves(schema_of(Scenario)))
 
 
 def _unknown(name: str) -> InputError:

@@ -16,7 +16,6 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
-    OneOf,
     Positive,
     Problems,
     Some,
@@ -26,7 +25,7 @@ from sdt_drake.io.fields import (
 )
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.motion import PLANNERS
+from sdt_drake.motion import Planner
 from sdt_drake.robot.motors import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, List
@@ -95,7 +94,7 @@ class Sizing(Input):
     """Motions that every candidate must do: files, or names of shipped ones."""
     controllers: Some[str]
     """Controller labels: "pi", "p_pi+id"; each gets its own recommendation."""
-    planner: Annotated[str, OneOf(tuple(PLANNERS))] = "limiter"
+    planner: Planner = "limiter"
     """Planner of the motions. With "limiter" a motor set that is too weak for a motion is
     infeasible. With "retiming" the motion takes longer, which `stretch` limits."""
     torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -18,21 +18,25 @@ from sdt_drake.io.fields import (
     Input,
     NotNegative,
     Number,
-    OneOf,
     Positive,
     Problems,
-    Tagged,
     Values,
     setting,
 )
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
-from sdt_drake.studies.distributions import MAX_RUNS, Choice, Grid, List, Random, text_problems
+from sdt_drake.studies.distributions import (
+    MAX_RUNS,
+    AnyDistribution,
+    Choice,
+    Grid,
+    List,
+    Random,
+    text_problems,
+)
 from sdt_drake.studies.fields import Field, Value, check_changes, find_field
 from sdt_drake.studies.table import is_column
 
-SAMPLINGS = ("random", "latin_hypercube")
-APPLY = ("value", "factor", "offset")
 _MAX_INTEGER = 2**64 - 1
 
 
@@ -45,10 +49,10 @@ class Variable(Input):
     fields: Values[str] = setting(())
     """Dotted names of scenario fields ("plant.friction.coulomb", or "controller.kp[2]" for one
     entry of a list); all get the same draw. "controller" accepts labels: "p_pi+id"."""
-    apply: Annotated[str, OneOf(APPLY)] = "value"
+    apply: Literal["value", "factor", "offset"] = "value"
     """Use of the draw: the "value" of the field, a "factor" on its value in the base scenario,
     or an "offset" to it. In a list, every entry is changed."""
-    distribution: Annotated[Random | Grid | List | Choice, Tagged()] = setting(None)
+    distribution: AnyDistribution = setting(None)
     """Distribution of the draws; must be given."""
 
     def complete(self) -> None:
@@ -142,7 +146,7 @@ class Study(Input):
     other variables' levels, which can so be compared in pairs."""
     seed: int = setting(0, ge=0, le=_MAX_INTEGER, unit="-")
     """Seed of the draws. The draws of a variable do not depend on the other variables."""
-    sampling: Annotated[str, OneOf(SAMPLINGS)] = "random"
+    sampling: Literal["random", "latin_hypercube"] = "random"
     """Sampling of the draws: "random", or "latin_hypercube" with one draw in each of `draws`
     equally likely intervals of every variable."""
     accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +14,8 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.dynamics import decouple
 from sdt_drake.robot.robot import Robot
 
-STRUCTURES = ("pi", "p_in_feedback")
+Structure = Literal["pi", "p_in_feedback"]
+STRUCTURES: tuple[Structure, ...] = get_args(Structure)
 """Structures: PI on the speed error, or the proportional gain in the feedback path (Figure 5)."""
 
 
@@ -85,7 +87,8 @@ def oscillation_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
 
 # --- torque feedforward ---------------------------------------------------------------------
 
-FEEDFORWARDS = ("none", "ctc", "id")
+FeedforwardKind = Literal["none", "ctc", "id"]
+FEEDFORWARDS: tuple[FeedforwardKind, ...] = get_args(FeedforwardKind)
 """Feedforwards: none, the load torque of Algorithm 1, or the inverse dynamics."""
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import tau
 from pathlib import Path
-from typing import Annotated
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from sdt_drake.io.fields import (
     EachJoint,
     Input,
     Number,
-    OneOf,
     Positive,
     Problems,
     Some,
@@ -60,14 +59,16 @@ class Axis(Input):
     """Direction: 1, or -1 if the motor turns against its joint."""
     zero: Whole = setting(0, unit="increments")
     """Encoder increments at joint angle 0."""
-    speed_unit: Annotated[str, OneOf(tuple(SPEED_UNITS))] = "increments/s"
+    speed_unit: Literal["increments/s", "rpm", "0.1 rpm", "0.01 rpm", "0.001 rpm"] = "increments/s"
     """Unit of target velocity and velocity offset."""
     rated_torque: Positive = setting(unit="N m", side="motor")
     """Rated (or standstill) torque, to which torques in per mille refer (6076h)."""
     maximum_torque: Positive | None = setting(None, unit="N m", side="motor")
     """Maximum torque of the drive; by default the largest per mille value of 16 bits, if the
     drive reads torques."""
-    objects: Some[Annotated[str, OneOf(tuple(OBJECTS))]] = setting(("607Ah", "60B1h", "60B2h"))
+    objects: Some[Literal["607Ah", "60FFh", "60B1h", "60B2h", "6071h"]] = setting(
+        ("607Ah", "60B1h", "60B2h")
+    )
     """CiA 402 objects that the drive reads in every cycle."""
 
     def problems(self) -> Problems:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from sdt_drake.io.arguments import finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Number, OneOf, Problems, Values, setting
+from sdt_drake.io.fields import Number, Problems, Values, setting
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
@@ -44,11 +44,11 @@ class FlightColumns(Layout):
     """Columns of specific force along x, y, z, as accelerometers measure it."""
     omega: Values[str] = setting(("omega_x", "omega_y", "omega_z"), **_THREE)
     """Columns of angular rate about x, y, z."""
-    force_unit: Annotated[str, OneOf(tuple(_FORCES))] = "m/s2"
+    force_unit: Literal["m/s2", "g", "ft/s2"] = "m/s2"
     """Unit of forces: "m/s2", "g" or "ft/s2"."""
-    omega_unit: Annotated[str, OneOf(tuple(_RATES))] = "rad/s"
+    omega_unit: Literal["rad/s", "deg/s"] = "rad/s"
     """Unit of rates: "rad/s" or "deg/s"."""
-    axes: Annotated[str, OneOf(tuple(_AXES))] = "flu"
+    axes: Literal["flu", "frd"] = "flu"
     """Axes: "flu" (x forward, y left, z up) or "frd" (x forward, y right, z down)."""
     force_direction: Values[_Direction] = setting((1.0,) * 3, unit="-", **_THREE)
     """Direction of each force column: 1, or -1 for the opposite sign of `axes`, such as a load

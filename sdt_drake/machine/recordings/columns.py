@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -11,7 +11,6 @@ from sdt_drake.io.fields import (
     Input,
     Names,
     Number,
-    OneOf,
     Positive,
     Problems,
     SomeNames,
@@ -20,7 +19,8 @@ from sdt_drake.io.fields import (
 from sdt_drake.io.numbers import Style
 from sdt_drake.io.yaml_files import load_yaml
 
-SIDES = ("joint", "motor")
+Side = Literal["joint", "motor"]
+SIDES: tuple[Side, ...] = get_args(Side)
 DECIMALS = {"point": ".", "comma": ","}
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
@@ -34,11 +34,11 @@ torque, its mean over the sample period before, torque feedforward."""
 class Layout(Input):
     """The format of a file of columns, and the time of its rows."""
 
-    delimiter: Annotated[str, OneOf(tuple(DELIMITERS))] = "comma"
+    delimiter: Literal["comma", "semicolon", "tab", "space"] = "comma"
     """Delimiter between columns: comma, semicolon, tab or space (any blanks)."""
     header: bool = True
     """True if a line with column names comes first."""
-    decimal: Annotated[str, OneOf(tuple(DECIMALS))] = "point"
+    decimal: Literal["point", "comma"] = "point"
     """Decimal mark in the numbers: point or comma."""
     encoding: str = "utf-8"
     """Encoding of the text, such as latin-1 or utf-16."""
@@ -94,12 +94,12 @@ class Columns(Layout):
     """Columns of the acceleration reference, for `replay`."""
     tau_ff: Names = setting(("tau_ff_{k}",))
     """Columns of the torque feedforward, for `replay`."""
-    angle: Annotated[str, OneOf(("rad", "deg"))] = "rad"
+    angle: Literal["rad", "deg"] = "rad"
     """Unit of positions and speeds: "rad" or "deg"."""
-    position_side: Annotated[str, OneOf(SIDES)] = "joint"
+    position_side: Side = "joint"
     """Side of positions, speeds and accelerations: "joint" or "motor". Those of motors are divided
     by the gear ratios."""
-    side: Annotated[str, OneOf(SIDES)] | None = None
+    side: Side | None = None
     """Side of torques: "joint" or "motor". The default is the motor side for recordings of
     `simulate`, else the joint side."""
     position_offset: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
