@@ -17,13 +17,19 @@ of runs), `studies` (many runs), `machine` (the real machine), `show` (figures, 
 TYPE_CHECKING = False  # importing it from `typing` would double the time of our own import
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import compare
+    from sdt_drake.analysis.frequency_response import bode
     from sdt_drake.analysis.linear import linear
     from sdt_drake.analysis.loop_step import step
     from sdt_drake.analysis.orientation import perceive
     from sdt_drake.analysis.tracking import track
-    from sdt_drake.cli.daily import bode, export, identify, learn, replay, tune
+    from sdt_drake.analysis.tuning import tune
     from sdt_drake.io.errors import InputError
+    from sdt_drake.machine.drive_files.export import export
     from sdt_drake.machine.fly.procedure import fly
+    from sdt_drake.machine.identify.judge import judge
+    from sdt_drake.machine.identify.procedure import identify
+    from sdt_drake.machine.learn.procedure import learn
+    from sdt_drake.machine.replay import replay
     from sdt_drake.motion import Motion
     from sdt_drake.motion import load_plan as plan
     from sdt_drake.robot.robot import load_robot
@@ -49,12 +55,13 @@ _PLACES = {
     "design": "run.design:make_design",
     "loop": "run.loop:make_loop",
     "simulate": "run.simulate:simulate",
-    "tune": "cli.daily:tune",
-    "bode": "cli.daily:bode",
-    "identify": "cli.daily:identify",
-    "replay": "cli.daily:replay",
-    "learn": "cli.daily:learn",
-    "export": "cli.daily:export",
+    "tune": "analysis.tuning:tune",
+    "bode": "analysis.frequency_response:bode",
+    "identify": "machine.identify.procedure:identify",
+    "judge": "machine.identify.judge:judge",
+    "replay": "machine.replay:replay",
+    "learn": "machine.learn.procedure:learn",
+    "export": "machine.drive_files.export:export",
     "fly": "machine.fly.procedure:fly",
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
@@ -74,9 +81,9 @@ _PLACES = {
 }
 __all__ = [
     "Controller", "InputError", "Motion", "Recording", "Scenario", "bode", "compare", "design",
-    "export", "fly", "identify", "learn", "linear", "load", "load_robot", "loop", "perceive",
-    "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay", "save",
-    "simulate", "step", "track", "tune", "view",
+    "export", "fly", "identify", "judge", "learn", "linear", "load", "load_robot", "loop",
+    "perceive", "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay",
+    "save", "simulate", "step", "track", "tune", "view",
 ]  # fmt: skip
 
 

@@ -154,9 +154,10 @@ def test_every_argument_of_every_function_refuses_an_odd_object(short, run, tmp_
     zeros, scenario = np.zeros((21, 3)), short.scenario
     calls = {
         "load": ["axis_pi"], "save": [scenario, "x.yaml"], "load_robot": ["sdt"],
-        "plan": ["leans"], "identify": ["sdt", "r.csv"], "replay": ["r.csv", scenario],
-        "export": [short, "drives", "out"], "fly": ["sdt", "turn"], "track": [run, short.motion],
-        "compare": [short, ["pi"]], "perceive": [STILL.time, zeros, zeros], "design": [scenario],
+        "plan": ["leans"], "identify": ["sdt", "r.csv"], "judge": ["sdt", "r.csv"],
+        "replay": ["r.csv", scenario], "export": [short, "drives", "out"],
+        "fly": ["sdt", "turn"], "track": [run, short.motion], "compare": [short, ["pi"]],
+        "perceive": [STILL.time, zeros, zeros], "design": [scenario],
         "register_controller": ["own", object],
         **{x: [short] for x in ("loop", "simulate", "tune", "bode", "learn", "linear", "view")},
         "step": [short],

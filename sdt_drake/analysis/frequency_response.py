@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
+from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, by_joint, formatted, higher, joint_count
 from sdt_drake.robot.dynamics import where_largest
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.scenario import Scenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,6 +119,35 @@ class FrequencyResponse(Shown):
             ("damping ratio", ".3f", self.damping),
             ("stable", "", np.where(self.stable, "yes", "no")),
         ]
+
+
+def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyResponse:
+    """Compute frequency responses, margins and damping of each joint's loop, as `sdt-drake bode`.
+
+        response = sdt.bode(sdt.load("coupled_pi"))
+        print(response)  # bandwidth, margins, damping
+        response.plot().savefig("bode.png")
+
+    >>> import sdt_drake as sdt
+    >>> sdt.bode(sdt.load("axis_pi"), time=0).bandwidth.round(1)  # [rad/s], shape (n,)
+    array([22.8, 21.9, 21.6, 22.9])
+
+    Args:
+        design: a scenario or its design.
+        time: time of the motion at which the loops are linearised [s]. By default each joint's
+            loop is linearised where its inertia is largest for the first time.
+
+    Raises:
+        InputError: for a time after the end of the motion, or a controller that cannot be
+            linearised.
+    """
+    design = as_design(design)
+    if time is None:
+        return frequency_response(design)
+    motion = design.motion
+    if checked_number(time, "time", minimum=0) > motion.duration:
+        raise InputError(f"{time:g} s, the motion ends at {motion.duration:g} s", place="time")
+    return frequency_response(design, sample=round(time / motion.period))
 
 
 def frequency_response(

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sdt_drake.analysis import paper
+from sdt_drake.analysis import paper, tuning
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.reported import Judged, validate
 from sdt_drake.analysis.step import StepMetrics, step_metrics
@@ -25,7 +25,7 @@ from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator
 from sdt_drake.run.step_loop import make_step_loop
-from sdt_drake.systems.gains import damping_ratio, natural_frequency, oscillation_frequency, tune
+from sdt_drake.systems.gains import tune
 
 Announce = Callable[[str], None]
 """A function that shows one line of progress."""
@@ -170,23 +170,6 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))
 
 
-def tuning(design: Design) -> dict[str, Array]:
-    """Return inertia, gains, damping ratios and natural frequencies by name, motor side, (n,)."""
-    inertia, gains = design.inertia, design.gains
-    numbers = {
-        "i_eff_max": inertia.maximum,
-        "i_eff_median": inertia.median,
-        "i_eff_min": inertia.minimum,
-        "variation_percent": inertia.variation_percent,
-        "kp": gains.kp,
-        "ki": gains.ki,
-    }
-    for level, i_eff in zip(("max", "median", "min"), list(numbers.values())[:3], strict=True):
-        numbers[f"zeta_{level}"] = damping_ratio(gains, i_eff)
-        numbers[f"omega_n_{level}"] = natural_frequency(gains, i_eff)
-    return numbers | {"omega_0": oscillation_frequency(gains, inertia.maximum)}
-
-
 _TABLE1 = (
     "i_eff_max", "i_eff_median", "i_eff_min", "variation_percent", "kp", "ki", "zeta_max",
     "zeta_median", "zeta_min",
@@ -195,7 +178,7 @@ _TABLE1 = (
 
 def table1_rows(design: Design) -> list[dict[str, Any]]:
     """Return Table 1 from the SDF and the motion: a row for each joint, with the published one."""
-    found, rows = tuning(design), []
+    found, rows = tuning.tune(design), []
     for k in range(design.robot.n):
         computed = {name: float(found[name][k]) for name in _TABLE1}
         published = {x: paper.table1(x)[k] if x in paper.TABLE1 else None for x in _TABLE1}

@@ -95,18 +95,14 @@ def _judge(
 
     The first of the files may contain the friction (.yaml).
     """
-    from sdt_drake.machine.identify import judge as judging
-    from sdt_drake.machine.recordings import load_columns, read_recording
     from sdt_drake.show.reports.identification import judged_in_words, judged_table
 
-    model, friction = sdt.load_robot(robot), None
+    friction = None
     if Path(files[0]).suffix in (".yaml", ".yml"):
-        friction, files = judging.load_friction(files[0], model), files[1:]
+        friction, *files = files
     if not files:
         raise InputError("--judge: no recording, expected at least one after the friction file")
-    named = load_columns(columns) if columns else None
-    recorded = [read_recording(file, model, named, side=side) for file in files]
-    judged = judging.judge(model, recorded, friction, cutoff)
+    judged = sdt.judge(robot, files, friction=friction, columns=columns, side=side, cutoff=cutoff)
     for line in judged_in_words(judged):
         echo(line)
     for one in judged.findings:

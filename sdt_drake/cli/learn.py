@@ -144,8 +144,8 @@ def _checked_filter(
     """
     import numpy as np
 
-    from sdt_drake.cli.daily import learning_filter
     from sdt_drake.machine.learn.filter import refuse_divergence
+    from sdt_drake.machine.learn.procedure import learning_filter
     from sdt_drake.show.reports.learning import check_table
 
     filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)

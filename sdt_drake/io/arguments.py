@@ -7,6 +7,7 @@ import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
+from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -108,13 +109,13 @@ def a(kind: type, made_by: str) -> Kind:
     return checked
 
 
-def a_path(value: Any, name: str) -> str | os.PathLike[str]:
+def a_path(value: Any, name: str) -> str | Path:
     """Check the path of a file or the name of a shipped one."""
     if not isinstance(value, str | os.PathLike):
         raise InputError(
             f"a {type(value).__name__}, expected a path, as a str or a Path", place=name
         )
-    return value
+    return value if isinstance(value, str) else Path(value)
 
 
 def positive(value: Any, name: str) -> float:

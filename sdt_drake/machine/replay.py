@@ -13,19 +13,18 @@ from pydrake.systems.framework import DiagramBuilder
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array, Mask
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, checked_type
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher, of_joints
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.spikes import without_spikes
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Columns, Recorded, recordings_of
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated, resampled
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.robot.robot import Robot
-from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.design import Design, load_device, make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.motor_torque import envelope
 from sdt_drake.run.scenario import Scenario
@@ -152,21 +151,45 @@ class Replay(Shown):
 # --- the simulations -------------------------------------------------------------------------
 
 
-def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
-    """Simulate a scenario along a recorded reference: as it is, and with one change at a time.
+def replay(
+    recording: str | Path | Recorded,
+    scenario: Scenario,
+    *,
+    columns: str | Path | Columns | None = None,
+    side: str | None = None,
+) -> Replay:
+    """Simulate a recorded reference in the loop of a scenario, as `sdt-drake replay`.
 
     Spikes of the recording are replaced first, see `without_spikes`. A recorded torque feedforward
     replaces the controller's own if the controller has PI loops.
 
     Args:
-        scenario: the scenario; its motion and its learned reference are not used.
-        recorded: a recording of the same robot.
-        robot: robot of the scenario, from `load_device`.
+        recording: a file with the reference (q_ref_k [rad] or v_ref_k [rad/s], joint side) and
+            measured signals (some of q_k, v_k, joint side, and tau_k [N m]), or an object from
+            `read_recording`.
+        scenario: gives the robot and the loop; its motion and its learned reference are not used.
+        columns, side: as in `identify`.
+
+    Returns:
+        The recording and simulations of it: one of the scenario as it is, others with one change.
 
     Raises:
-        InputError: for a recording without a reference, or without q, v and tau; and as in
-            `resampled`, `make_design` and `simulate`.
+        InputError: naming the wrong argument or recording.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("coupled_pi_ctc"), motion=motion)
+        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> replayed = sdt.replay("run.csv", sdt.load("wrong_model"))
+        >>> replayed.explained("speed_error").round(2)  # share of the recorded error
+        array([1.  , 0.97, 1.  , 1.  ])
     """
+    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
+    robot = load_device(scenario)
+    [recorded] = recordings_of([recording], "recording", robot, columns, needs=(), side=side)
     recorded = without_spikes(recorded, robot)
     signals = recorded.signals
     if not {"q_ref", "v_ref"} & set(signals):

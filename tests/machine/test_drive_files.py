@@ -17,7 +17,6 @@ from sdt_drake.machine.drive_files import (
     Axis,
     Drives,
     SetPoints,
-    export,
     feed,
     formats,
     load_drives,
@@ -25,6 +24,7 @@ from sdt_drake.machine.drive_files import (
     samples_of,
     set_points,
     write_drive_table,
+    write_files,
 )
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.dynamics import torque_groups
@@ -212,7 +212,7 @@ def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
         motion=Motion.from_speeds(0.005, np.array([0.1, 0.7, 0.3, 0.2]), v),
     )
     drives = drives_with(zero=[0, 7, -500, 2**20])
-    export(design, drives, tmp_path, cam_points=50, title="x")
+    write_files(design, drives, tmp_path, cam_points=50, title="x")
     text = (tmp_path / "set_points.st").read_text(encoding="utf-8")
     rests = text.split("\nELSE\n")[1].split("\nEND_IF")[0]
     said = {
@@ -234,7 +234,7 @@ def test_names_are_text_in_the_read_me(robot, motion, tmp_path):
         Scenario(controller=ControllerChoice(kind="pi", omega_r=66)), robot=robot, motion=motion
     )
     design = replace(design, nominal=replace(robot, joint_names=names))
-    export(design, drives_with(), tmp_path, cam_points=50, title=names[0])
+    write_files(design, drives_with(), tmp_path, cam_points=50, title=names[0])
     reader = MarkdownIt("commonmark").enable("table")
     tokens = reader.parse((tmp_path / "README.md").read_text(encoding="utf-8"))
     parts = [part for token in tokens for part in token.children or [token]]
@@ -277,7 +277,7 @@ def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, 
     beside = Motion.from_speeds(motion.period, motion.q[0], beside)
     design = design.given(LearnedReference(beside, torque if has_torque else None))
     drives = drives_with(0.005)
-    exported = export(design, drives, tmp_path, cam_points=50, title="x")
+    exported = write_files(design, drives, tmp_path, cam_points=50, title="x")
     fed = np.zeros_like(torque) if design.tau_ff is None else design.tau_ff
     np.testing.assert_array_equal(fed, torque * has_torque if kind == "p_pi" else fed)
     told = read_csv(tmp_path / "set_points.csv", drives).torque

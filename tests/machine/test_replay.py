@@ -35,7 +35,7 @@ def recorded_run(made, tmp_path, **more):
 
 
 def replayed(made, recorded, fields=None):
-    return replay(made.scenario.changed(fields or {}), recorded, made.nominal)
+    return replay(recorded, made.scenario.changed(fields or {}))
 
 
 def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(designed, tmp_path):
@@ -172,7 +172,7 @@ def test_bad_recordings_are_refused(design):
         ({"v_ref": rest}, "none of q, v and tau"),
     ):
         with pytest.raises(InputError, match=f"a.csv: {said}"):
-            replay(design.scenario, Recorded("a.csv", time, signals), design.robot)
+            replay(Recorded("a.csv", time, signals), design.scenario)
 
 
 SPIKES = {"q": 10.0, "q_ref": -10.0, "v": 40.0, "v_ref": 40.0, "tau": 1e7}

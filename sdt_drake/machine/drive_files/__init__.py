@@ -8,7 +8,7 @@ from sdt_drake.machine.drive_files.export import (
     cycles_in_a_period,
     export,
     feed,
-    write_read_back,
+    write_files,
 )
 from sdt_drake.machine.drive_files.formats import write_drive_table
 from sdt_drake.machine.drive_files.set_points import (
@@ -35,5 +35,5 @@ __all__ = [
     "samples_of",
     "set_points",
     "write_drive_table",
-    "write_read_back",
+    "write_files",
 ]

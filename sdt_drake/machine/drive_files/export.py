@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.analysis.threads import threads
+from sdt_drake.io.arguments import a_path, like, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MAX_PERIODS, InputError, within
-from sdt_drake.io.files import replacing_files, write_text
+from sdt_drake.io.errors import MAX_PERIODS, InputError, checked_count, within
+from sdt_drake.io.files import checked_output, replacing_files, write_text
 from sdt_drake.io.markdown import escaped
 from sdt_drake.io.results import Results
 from sdt_drake.io.versions import versions
 from sdt_drake.machine.drive_files import formats
-from sdt_drake.machine.drive_files.drives import Drives
+from sdt_drake.machine.drive_files.drives import Drives, load_drives
 from sdt_drake.machine.drive_files.set_points import (
     Integers,
     Samples,
@@ -26,7 +27,8 @@ from sdt_drake.machine.drive_files.set_points import (
     set_points,
 )
 from sdt_drake.motion import Motion
-from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.design import Design, as_design, make_design
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.run.tuning import Feedforward
 
@@ -66,7 +68,59 @@ class Fed:
     """RMS speed error of the run against the planned motion [rad/s], shape (n,)."""
 
 
+@takes(folder=a_path, title=like(str))
 def export(
+    design: Design | Scenario,
+    drives: Drives | str | Path,
+    folder: str | Path,
+    *,
+    cam_points: int = 1000,
+    title: str = "",
+) -> list[Fed]:
+    """Write a motion as files for drives, PLCs and ROS 2, as `sdt-drake export`.
+
+    Args:
+        design: a scenario or its design, which gives the motion and the loop.
+        drives: data of the joints' drives (motor side), a file, or the name of a shipped one.
+        folder: folder for the files, made if it does not exist.
+        cam_points: largest number of points of the cam table.
+        title: title of the motion; by default the scenario's name.
+
+    Returns:
+        Position errors of the design's loop with the planned motion, and with each file's content.
+
+    Raises:
+        InputError: naming the wrong argument or file. Also for a motion that does not start and end
+            at rest, or exceeds the range of a drive.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("coupled_pi_ctc"), motion=motion)
+        >>> files = sdt.export(design, "drives", "exported")
+        >>> files[1].source, float(np.rad2deg(files[1].position_error.max()).round(2))  # deg
+        ('set_points.csv', 0.98)
+    """
+    if checked_count(cam_points, "cam_points") < 2:
+        raise InputError(f"{cam_points}, expected at least 2", place="cam_points")
+    design, source, folder = as_design(design), "drives", Path(folder)
+    if not isinstance(drives, Drives):
+        source = str(a_path(drives, "drives"))
+        drives = load_drives(drives, design.robot.n)
+    checked_output(folder / READ_BACK)
+    title = title or design.scenario.name
+    with replacing_files(folder) as new:
+        exported = write_files(
+            design, drives, new, cam_points=cam_points, title=title, source=source
+        )
+        fed = feed(design, drives, exported)
+        write_read_back(new / READ_BACK, fed)
+    return fed
+
+
+def write_files(
     design: Design,
     drives: Drives,
     folder: Path,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from sdt_drake.io.arguments import a_path, positive
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check_joints
@@ -20,9 +20,9 @@ from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.friction import COULOMB, OFFSET, VISCOUS, FrictionLaw, Term
 from sdt_drake.machine.identify.procedure import belief, few_of, parts_of
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Columns, Recordings, recordings_of
 from sdt_drake.robot.device import Friction, friction_parameters
-from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.robot import Robot, load_robot
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,23 +61,52 @@ def load_friction(path: str | Path, robot: Robot) -> Friction:
 
 
 def judge(
-    robot: Robot,
-    recordings: Sequence[Recorded],
-    friction: Friction | None = None,
+    robot: Robot | str | Path,
+    recordings: Recordings,
+    *,
+    friction: Friction | str | Path | None = None,
+    columns: Columns | str | Path | None = None,
+    side: str | None = None,
     cutoff: float | None = None,
 ) -> Judged:
-    """Compare a robot's torques with recordings, without any fit.
+    """Compare a robot's torques with recordings, without any fit, as `sdt-drake judge`.
 
     Args:
-        robot: The robot with its links, motors and damping.
-        recordings: Recordings with q and tau.
-        friction: Friction of the joints, joint side; none by default.
-        cutoff: Cut-off frequency of the compared torques [Hz]; by default `cutoff.chosen`.
+        robot: The robot with its links, motors and damping, its file, or the name of a shipped one.
+        recordings: One recording with q and tau or a list, as in `identify`.
+        friction: Friction of the joints, joint side, or a file of `identify`; none by default.
+        columns: Names of the files' columns, or a YAML file with them.
+        side: Side of the torques, "joint" or "motor", as in `identify`.
+        cutoff: Cut-off frequency of the compared torques [Hz]; by default chosen from the
+            recordings.
 
     Raises:
-        InputError: No joint moves, or a torque is constant.
+        InputError: A wrong argument or recording. No joint moves, or a torque is constant.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("real_device"), motion=motion)
+        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> print(sdt.judge("sdt", "run.csv"))
+        Judged sdt, below 20 Hz
+        joint        torque not explained [%]  without friction [%]
+        1 planetary                      6.83                  6.83
+        2 roll                          47.85                 47.85
+        3 pitch                         10.90                 10.90
+        4 yaw                           19.72                 19.72
     """
-    parts, _ = parts_of((), recordings, 1.0)
+    if cutoff is not None:
+        positive(cutoff, "cutoff")
+    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    if friction is not None and not isinstance(friction, Friction):
+        friction = load_friction(a_path(friction, "friction"), robot)
+    recorded = recordings_of(recordings, "recordings", robot, columns, side=side)
+    if not recorded:
+        raise InputError("none given, expected at least one", place="recordings")
+    parts, _ = parts_of((), recorded, 1.0)
     nothing = Unknown.nothing()
     stretches = [stretch for *_, stretch in few_of(parts, CUTOFFS[-1])]
     cutoff = chosen(robot, nothing, belief(robot, nothing), stretches, cutoff).cutoff
@@ -87,7 +116,7 @@ def judge(
     values = np.stack([own.viscous, own.coulomb, own.offset, own.breakaway - own.coulomb], axis=1)
     rubs = np.einsum("mkt,kt->mk", eq.friction, values)
     if not eq.moves.any():
-        raise InputError(f"{recordings[0].path}: no joint moves more than the noise")
+        raise InputError(f"{recorded[0].path}: no joint moves more than the noise")
     with np.errstate(invalid="ignore"):  # a joint that never moves
         left, without = (
             np.sqrt(
@@ -96,5 +125,5 @@ def judge(
             )
             for tau in (eq.nominal + rubs, eq.nominal)
         )
-    checked = [one for recorded in recordings for one in check_recording(robot, recorded)]
+    checked = [finding for one in recorded for finding in check_recording(robot, one)]
     return Judged(robot, cutoff, left, without, tuple(checked))

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from sdt_drake.io.arguments import positive
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, retelling
+from sdt_drake.io.errors import InputError, checked_choice, checked_number, retelling
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.diagnose.fit import standing_still, suspicious_torques, weakly_excited
@@ -33,8 +34,17 @@ from sdt_drake.machine.identify.filtering import (
     spread,
     stretches,
 )
-from sdt_drake.machine.recordings import Recorded, check_different
-from sdt_drake.robot.robot import Robot
+from sdt_drake.machine.recordings import (
+    Columns,
+    Recorded,
+    Recordings,
+    check_different,
+    recordings_of,
+)
+from sdt_drake.robot.robot import Robot, load_robot
+
+ONLY = ("payload", "friction")
+"""Parameters to identify alone."""
 
 HELD_OUT = 1 / 3
 """Share at the end of each recording that is held out, without recordings to validate [-]."""
@@ -108,33 +118,71 @@ class Identified(Shown):
 
 
 def identify(
-    robot: Robot,
-    recordings: Sequence[Recorded],
+    robot: Robot | str | Path,
+    recordings: Recordings,
     *,
-    validate: Sequence[Recorded] = (),
+    validate: Recordings = (),
+    columns: str | Path | Columns | None = None,
+    side: str | None = None,
     only: str | None = None,
     payload: str = "payload",
     cutoff: float | None = None,
     held_out: float = HELD_OUT,
 ) -> Identified:
-    """Identify a robot from recordings.
+    """Identify a robot from recordings, as `sdt-drake identify`.
 
     Args:
-        robot: The robot with its kinematics and known parameters.
-        recordings: Recordings with q and tau.
-        validate: Recordings to hold out; by default the last third of each of the others.
-        only: "payload" or "friction" to keep all other parameters of the file.
-        payload: The link that `only="payload"` identifies.
-        cutoff: Cut-off frequency of the compared torques [Hz]; by default `cutoff.chosen`.
-        held_out: Share at the end of each recording to hold out, if nothing is to validate.
+        robot: the robot before identification, its SDF or URDF file, or the name of a shipped one.
+        recordings: one recording or a list. Each is a file with time [s], q_k [rad] and tau_k
+            [N m] of every joint k, or an object from `read_recording`.
+        validate: held-out recordings; by default the end of each of `recordings` is held out.
+        columns: names of the files' columns, or a YAML file with them.
+        side: side of the torques, "joint" or "motor". The default is "motor" for a recording of
+            `simulate` and "joint" for all others.
+        only: "payload" or "friction" to identify it alone and take all else from the file.
+        payload: the link that `only="payload"` identifies.
+        cutoff: frequency below which torques are compared [Hz]; by default chosen from the
+            recordings.
+        held_out: share at the end of each recording that is held out without `validate` [-].
+
+    Returns:
+        Parameters with their uncertainty, and `findings` that speak against the recordings.
+        `sdt_drake.show.reports.identification` writes figures and files of it.
 
     Raises:
-        InputError: A recording is too short, is given twice, has a constant torque or no motion.
-            The payload is no moving link. The cut-off is too high for the sample rate.
+        InputError: naming the wrong argument or recording.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> design = sdt.design(sdt.load("real_device"), motion=motion)
+        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> found = sdt.identify("sdt", "run.csv", only="friction")
+        >>> print(found)
+        Identified sdt from run.csv: torque not explained, in held-out data
+        joint        by the file [%]  identified [%]
+        1 planetary             6.16            0.02
+        2 roll                 37.76            0.19
+        3 pitch                12.14            0.02
+        4 yaw                  19.56            0.05
     """
-    path = recordings[0].path
-    check_different([*recordings, *validate])
-    parts, notes = parts_of(recordings, validate, held_out)
+    if only is not None:
+        checked_choice(only, ONLY, "only")
+    if cutoff is not None:
+        positive(cutoff, "cutoff")
+    if checked_number(held_out, "held_out", minimum=0, exclusive=True) >= 1:
+        raise InputError(f"{held_out:g}, expected less than 1", place="held_out")
+    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    fitted, judged = (
+        recordings_of(given, name, robot, columns, side=side)
+        for name, given in (("recordings", recordings), ("validate", validate))
+    )
+    if not fitted:
+        raise InputError("none given, expected at least one", place="recordings")
+    check_different([*fitted, *judged])
+    parts, notes = parts_of(fitted, judged, held_out)
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)
     _check_cutoff(cutoff, parts)
@@ -143,10 +191,10 @@ def identify(
     if not speeds:
         few = [(source, end, replace(stretch, v=None)) for source, end, stretch in few]
     eq = equations(robot, unknown, few, cutoff)
-    _check_rows(eq, cutoff, path)
+    _check_rows(eq, cutoff, fitted[0].path)
     found = estimate(eq, prior)
     r, S, N = len(found.beta), found.covariance, found.misfit
-    findings = [one for x in (*recordings, *validate) for one in check_recording(robot, x)]
+    findings = [one for x in (*fitted, *judged) for one in check_recording(robot, x)]
     is_spoilt = any(one.spoils for one in findings)
     wrong = [] if is_spoilt else misread(robot, eq)
     findings += [*standing_still(eq), *wrong]
@@ -165,7 +213,7 @@ def identify(
     return Identified(
         nominal=robot,
         unknown=unknown,
-        recordings=(*recordings, *validate),
+        recordings=(*fitted, *judged),
         equations=eq,
         estimate=found,
         consistent=consistent,

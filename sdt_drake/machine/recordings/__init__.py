@@ -8,11 +8,12 @@ from sdt_drake.machine.recordings.columns import (
     load_columns,
 )
 from sdt_drake.machine.recordings.places import missing, place_of
-from sdt_drake.machine.recordings.reading import read_recording
+from sdt_drake.machine.recordings.reading import Recordings, read_recording, recordings_of
 from sdt_drake.machine.recordings.recorded import Recorded, check_different
 from sdt_drake.machine.recordings.times import other_unit, times_of
 
 __all__ = [
-    "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "check_different",
-    "load_columns", "missing", "other_unit", "place_of", "read_recording", "times_of",
+    "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "Recordings", "check_different",
+    "load_columns", "missing", "other_unit", "place_of", "read_recording", "recordings_of",
+    "times_of",
 ]  # fmt: skip

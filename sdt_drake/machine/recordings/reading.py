@@ -5,14 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
+from sdt_drake.io.arguments import a_path
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, checked_choice
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.machine.recordings.columns import (
     ANGLES,
     RECORDED_SIGNALS,
+    SIDES,
     TORQUES,
     Columns,
+    load_columns,
 )
 from sdt_drake.machine.recordings.places import places_of
 from sdt_drake.machine.recordings.recorded import Recorded
@@ -20,13 +23,16 @@ from sdt_drake.machine.recordings.times import times_of
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.robot import Robot
 
+Recordings = Sequence[str | Path | Recorded] | str | Path | Recorded
+"""One recording or several: files, or objects from `read_recording`."""
+
 _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
 
 
 def read_recording(
     path: str | Path,
     robot: Robot,
-    columns: Columns | None = None,
+    columns: Columns | str | Path | None = None,
     *,
     needs: Sequence[str] = ("q", "tau"),
     side: str | None = None,
@@ -46,8 +52,8 @@ def read_recording(
     Args:
         path: Path of the file.
         robot: The recorded robot, with its gear ratios.
-        columns: Names and units of the columns. Without them and with other names in the file, the
-            error contains a proposal.
+        columns: Names and units of the columns, or a YAML file with them. Without them and with
+            other names in the file, the error contains a proposal.
         needs: Signals of RECORDED_SIGNALS that must be there; others are read if present.
         side: Side of the torques, "joint" or "motor"; overrides `columns`. The default is the motor
             side for files of `simulate`, else the joint side.
@@ -57,11 +63,15 @@ def read_recording(
             number of joints differs. Times do not grow, or their steps are not those of a recorder.
             The error gives the file, and the column or line.
     """
+    if side is not None:
+        checked_choice(side, SIDES, "side")
     if columns is None:
         try:
             return read_recording(path, robot, Columns(), needs=needs, side=side)
         except InputError as error:
             raise _with_proposal(error, Path(path), robot) from None
+    if not isinstance(columns, Columns):
+        columns = load_columns(a_path(columns, "columns"))
     numbers = read_numbers(path, columns.style, logged=True)
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")
@@ -85,6 +95,38 @@ def read_recording(
             signals[name] += conversions[name][1]
     factor = columns.time_factor if columns.rate is None else None
     return Recorded(numbers.path, time, signals, own, factor, numbers.notes)
+
+
+def recordings_of(
+    given: Recordings,
+    name: str,
+    robot: Robot,
+    columns: Columns | str | Path | None,
+    *,
+    needs: Sequence[str] = ("q", "tau"),
+    side: str | None,
+) -> list[Recorded]:
+    """Return the recordings of an argument, read from their files if needed.
+
+    Args:
+        given: One recording or several, each a file or from `read_recording`.
+        name: Name of the argument.
+        robot, columns, needs, side: As in `read_recording`.
+
+    Raises:
+        InputError: As in `read_recording`, or for another type.
+    """
+    if isinstance(given, str | Path | Recorded):
+        given = [given]
+    if not isinstance(given, Sequence):
+        kind = type(given).__name__
+        raise InputError(f"a {kind}, expected a path or a list of paths", place=name)
+    return [
+        one
+        if isinstance(one, Recorded)
+        else read_recording(a_path(one, name), robot, columns, needs=needs, side=side)
+        for one in given
+    ]
 
 
 def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:

@@ -1,0 +1,102 @@
+"""Learning of a reference from simulated flights, with a check of its convergence: `learn`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.io.arguments import like, takes
+from sdt_drake.io.errors import checked_choice, checked_count, checked_number
+from sdt_drake.io.trust import trusting
+from sdt_drake.machine.learn.filter import (
+    Convergence,
+    LearningFilter,
+    convergence,
+    design_filter,
+    refuse_divergence,
+)
+from sdt_drake.machine.learn.flights import Lessons
+from sdt_drake.machine.learn.flights import learn as fly_and_learn
+from sdt_drake.machine.learn.loops import LEARNED, loops_of
+from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.studies.devices import devices_of
+from sdt_drake.studies.study import load_study
+
+
+@takes(stops=like(bool), report=like(Callable))
+def learn(
+    design: Design | Scenario,
+    *,
+    flights: int = 5,
+    of: str = "reference",
+    bandwidth: float | None = None,
+    study: str | Path | None = None,
+    draws: int = 20,
+    stops: bool = True,
+    report: Callable[[Lessons], None] = lambda lessons: None,
+    trust: bool = False,
+) -> Lessons:
+    """Fly a motion several times and learn a reference from its errors, as `sdt-drake learn`.
+
+    Args:
+        design: a scenario or its design.
+        flights: largest number of flights, the first included.
+        of: the learned signal, "reference" or "torque".
+        bandwidth: frequency up to which errors are learned [Hz]; by default as far as the
+            controller's model is trusted.
+        study: file or name of a study. Learning must converge for all devices that its variables
+            give.
+        draws: largest number of the study's devices to check.
+        stops: whether to stop when another flight would not improve the result.
+        report: function that is called after each flight with all flights so far.
+        trust: whether a Python file that the study's scenario names is run without asking.
+
+    Returns:
+        All flights with their errors, the best of them, and the reason to stop.
+
+    Raises:
+        InputError: naming the wrong argument, or if learning would not converge.
+
+    Examples:
+        >>> import numpy as np
+        >>> import sdt_drake as sdt
+        >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
+        >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
+        >>> scenario = sdt.load("wrong_model", {"controller.kind": "p_pi"})
+        >>> lessons = sdt.learn(sdt.design(scenario, motion=motion), flights=2)
+        >>> [float(np.rad2deg(flight.largest.max()).round(3)) for flight in lessons.flights]  # deg
+        [0.058, 0.013]
+    """
+    checked_count(flights, "flights")
+    design = as_design(design)
+    with trusting(trust):
+        filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
+    refuse_divergence(checks, filter_)
+    return fly_and_learn(design, filter_, flights, stops=stops, report=report)
+
+
+def learning_filter(
+    design: Design,
+    of: str,
+    *,
+    bandwidth: float | None = None,
+    study: str | Path | None = None,
+    draws: int = 20,
+) -> tuple[LearningFilter, list[Convergence]]:
+    """Design the learning filter and check its convergence on each set of loops.
+
+    The arguments are those of `learn`.
+    """
+    checked_choice(of, LEARNED, "of")
+    checked_count(draws, "draws")
+    devices = {}
+    if study is not None:
+        drawn, base = load_study(study)
+        devices[f"the devices of {drawn.name}"] = devices_of(design, drawn, base, draws)
+    loops = loops_of(design, of, devices=devices)
+    omega = None if bandwidth is None else 2 * np.pi * checked_number(bandwidth, "bandwidth")
+    filter_ = design_filter(design, loops, of, bandwidth=omega)
+    return filter_, [convergence(filter_, group) for group in loops]
