@@ -52,6 +52,7 @@ from sdt_drake.machine.identify.model import identified_robot
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion import Story, load_plan, shipped_motions, story_of
+from sdt_drake.paper.diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import ENCODERS
 from sdt_drake.robot.dynamics import inverse_dynamics
@@ -63,7 +64,6 @@ from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.figures.fronts import sizing_front
 from sdt_drake.show.figures.studies import distributions
 from sdt_drake.show.panels import over_time, picture
-from sdt_drake.show.paper_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.show.style import PALETTE, Look, style
 from sdt_drake.show.view3d.viewer import record_html
 from sdt_drake.studies.results import read_study_table

@@ -9,9 +9,9 @@ This module offers the functions and classes of daily use and imports each at it
     print(sdt.track(run, design.motion).max_abs_speed_error)  # [rad/s], joint side
 
 The packages, from the bottom up: `io` (files), `robot` (SDF, dynamics), `motion` (profiles and
-planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation), `analysis` (numbers
-of runs), `studies` (many runs), `machine` (the real machine), `show` (figures, reports), `cli`
-(commands).
+planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation), `pilot` (what a
+pilot feels), `analysis` (numbers of runs), `studies` (many runs), `machine` (the real machine),
+`show` (figures, reports), `paper` (its claims), `cli` (commands).
 """
 
 TYPE_CHECKING = False  # importing it from `typing` would double the time of our own import
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.frequency_response import bode
     from sdt_drake.analysis.linear import linear
     from sdt_drake.analysis.loop_step import step
-    from sdt_drake.analysis.orientation import perceive
     from sdt_drake.analysis.tracking import track
     from sdt_drake.analysis.tuning import tune
     from sdt_drake.io.errors import InputError
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from sdt_drake.machine.replay import replay
     from sdt_drake.motion import Motion
     from sdt_drake.motion import load_plan as plan
+    from sdt_drake.pilot.orientation import perceive
     from sdt_drake.robot.robot import load_robot
     from sdt_drake.run.controllers import Controller, register_controller
     from sdt_drake.run.design import make_design as design
@@ -67,7 +67,7 @@ _PLACES = {
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
     "step": "analysis.loop_step:step",
-    "perceive": "analysis.orientation:perceive",
+    "perceive": "pilot.orientation:perceive",
     "view": "show.view3d.viewer:view",
     "plots": "show.figures.runs:",
     "plots_motion": "show.figures.motions:",

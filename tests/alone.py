@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sdt_drake import systems
+from sdt_drake import pilot, systems
 from sdt_drake.motion import Motion
+from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.device import FrictionParameters, Springs
 from sdt_drake.robot.dynamics import Loads
 from sdt_drake.systems.gains import SpeedGains
-from sdt_drake.systems.orientation import PerceptionModel
 
 PERIOD = 0.005  # s
 GEAR = np.array([67.2, 1.0, 3.5])
@@ -79,13 +79,18 @@ ARGUMENTS = {
 }
 
 
+def block(name):
+    """The class or function of a block, by its name."""
+    return getattr(pilot if name in pilot.__all__ else systems, name)
+
+
 def made(name, robot=None, **changes):
     """A block by the name of its class or function; with `robot` where it needs one."""
     arguments = {**ARGUMENTS[name], **changes}
     for key in ("robot", "model"):
         if key in arguments and arguments[key] is None:
             arguments[key] = robot
-    return getattr(systems, name)(**arguments)
+    return block(name)(**arguments)
 
 
 class Alone:

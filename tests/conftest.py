@@ -234,8 +234,8 @@ def _reproduced(once):
     """What one run of `sdt-drake reproduce` has written and computed; its .png are empty."""
     from matplotlib.figure import Figure
 
-    from sdt_drake.analysis import reproduction as module
     from sdt_drake.cli.app import main
+    from sdt_drake.paper import reproduction as module
     from sdt_drake.show import style
 
     def make(folder):

@@ -12,10 +12,10 @@ import pytest
 from figures import check_same, content_of
 
 import sdt_drake
+from sdt_drake.paper.diagrams import DIAGRAMS
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.block_diagrams import fingerprint, page_of
 from sdt_drake.show.diagrams import dot_text
-from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.studies.folder import load_runner
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.store import Store

@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.claims import OF_THE_PAPER, VERDICTS, judge_claims
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.illusions import feel, felt_apart
-from sdt_drake.analysis.reproduction import _run
 from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
 from sdt_drake.machine.fly.flight import read_flight
@@ -21,6 +18,10 @@ from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.flights import learn
 from sdt_drake.machine.learn.loops import loops_of
 from sdt_drake.motion import Motion
+from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
+from sdt_drake.paper.reproduction import _run
+from sdt_drake.pilot import load_perception
+from sdt_drake.pilot.illusions import feel, felt_apart
 from sdt_drake.robot.dynamics import decouple
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.results import read_study_table
@@ -28,7 +29,7 @@ from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
 from sdt_drake.studies.verdicts import judge_candidates, recommend
-from sdt_drake.systems import gains, load_perception
+from sdt_drake.systems import gains
 
 pytestmark = pytest.mark.documents
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from second_order import Formula
 
-from sdt_drake.analysis import paper
 from sdt_drake.analysis.step import step_metrics
+from sdt_drake.paper.published import FIGURE4, FIGURE4_ZETA, OMEGA_R, table1
 from sdt_drake.systems.gains import SpeedGains, tune
 
 SCRIPT = Path(__file__).resolve().parents[1] / "diagrams/figure4_step_response.py"
-I_MAX, K_PS, K_IS = (np.array(paper.table1(x)) for x in ("i_eff_max", "kp", "ki"))
-INERTIA = {"max": I_MAX, "min": I_MAX * (1 - np.array(paper.table1("variation_percent")) / 100)}
+I_MAX, K_PS, K_IS = (np.array(table1(x)) for x in ("i_eff_max", "kp", "ki"))
+INERTIA = {"max": I_MAX, "min": I_MAX * (1 - np.array(table1("variation_percent")) / 100)}
 TABLE1 = SpeedGains(kp=K_PS, ki=K_IS)
 BOTH = {"pi": TABLE1, "p_in_feedback": TABLE1}
 
@@ -45,7 +45,7 @@ COMPUTED = {"pi": (0.0221, 0.1634, 13.534), "p_in_feedback": (0.0944, 0.1595, 0.
 
 def test_every_axis_tuned_as_in_figure_4_has_the_figures_of_the_paper(simulate):
     """Rise and settling time [s], overshoot [%]: omega_n and zeta are those of axis 1 on all."""
-    gains = {name: tune(I_MAX, paper.OMEGA_R, zeta) for name, zeta in paper.FIGURE4_ZETA.items()}
+    gains = {name: tune(I_MAX, OMEGA_R, zeta) for name, zeta in FIGURE4_ZETA.items()}
     _, t, speeds = simulate(gains, I_MAX)
     for structure, by_axis in speeds.items():
         for v in by_axis.T:
@@ -59,12 +59,12 @@ def test_every_axis_tuned_as_in_figure_4_has_the_figures_of_the_paper(simulate):
 
 @pytest.mark.parametrize("level", INERTIA)
 def test_damping_is_that_of_table_1(level):
-    for axis, printed in zip(formulas(level), paper.table1(f"zeta_{level}"), strict=True):
+    for axis, printed in zip(formulas(level), table1(f"zeta_{level}"), strict=True):
         assert axis.zeta == pytest.approx(printed, abs=0.01)
 
 
 @pytest.mark.parametrize("level", INERTIA)
-@pytest.mark.parametrize("structure", paper.FIGURE4)
+@pytest.mark.parametrize("structure", FIGURE4)
 def test_a_step_of_the_reference_follows_the_formula(on_table1, level, structure):
     t, speeds = on_table1[level]
     for axis, v in zip(formulas(level), speeds[structure].T, strict=True):

@@ -1,1 +1,1 @@
-"""Numbers of runs and loops: tracking, margins, budgets, perception, the paper's claims."""
+"""Numbers of runs and loops: tracking, comparisons, steps, margins, budgets."""

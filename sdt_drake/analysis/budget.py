@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
@@ -16,6 +15,7 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
+from sdt_drake.run.threads import threads
 from sdt_drake.run.tuning import Feedforward
 
 PARTS = ("reference lag", "load", "disturbance", "saturation")

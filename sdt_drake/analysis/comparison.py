@@ -12,7 +12,6 @@ import numpy as np
 from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.analysis.metrics import COMPARED, METRICS
-from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import (
     HeadTracking,
     MotorUse,
@@ -26,12 +25,13 @@ from sdt_drake.io.errors import InputError, checked_choice, needing, one_line
 from sdt_drake.io.files import write_csv
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher
-from sdt_drake.robot.head import has_head
+from sdt_drake.pilot.head import has_head
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.run.threads import threads
 from sdt_drake.systems.gains import FEEDFORWARDS
 from sdt_drake.systems.wiring import blocks_of
 

@@ -1,4 +1,4 @@
-"""Metrics of a step response."""
+"""Step responses and their metrics."""
 
 from __future__ import annotations
 
@@ -29,6 +29,22 @@ class StepMetrics:
     """Time from the step to the peak [s]."""
     steady_state_error: float
     """Last sample less `y_final` [unit of y]."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepResponse:
+    """A simulated step of motor speed from 0 to 1 rad/s."""
+
+    structure: str
+    """Structure of the PI controller, "pi" or "p_in_feedback"."""
+    zeta: float
+    """Damping ratio [-]."""
+    time: Array
+    """Time since the step [s], shape (N,)."""
+    speed: Array
+    """Speed of the motor [rad/s], shape (N,)."""
+    metrics: StepMetrics
+    """Metrics of `speed`."""
 
 
 def step_metrics(

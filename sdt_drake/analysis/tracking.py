@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import columns_of
-from sdt_drake.analysis.perception import FeltDifference, felt_difference
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type
 from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.motion import Motion
-from sdt_drake.robot.head import HeadMotion, head_motion_of_samples
+from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
+from sdt_drake.pilot.perception import FeltDifference, felt_difference
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import Recording
 

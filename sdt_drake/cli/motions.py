@@ -58,7 +58,7 @@ def _print_all(robot: RobotModel) -> None:
 
 def _print_one(motion: str, robot: RobotModel) -> None:
     from sdt_drake.motion import load_command, load_profile
-    from sdt_drake.robot.head import has_head
+    from sdt_drake.pilot.head import has_head
 
     profile = load_profile(motion)
     with common.naming_robot("--robot"):
@@ -88,8 +88,8 @@ def _print_one(motion: str, robot: RobotModel) -> None:
 
 def _print_prediction(motion: str, robot: RobotModel) -> None:
     """Print for each parameter set whether it predicts the intended illusion."""
-    from sdt_drake.analysis.illusions import intended_illusion
-    from sdt_drake.analysis.orientation import CAUTION
+    from sdt_drake.pilot.illusions import intended_illusion
+    from sdt_drake.pilot.orientation import CAUTION
 
     found = intended_illusion(motion, robot)
     assert found is not None, "the profile names its intended illusion"
@@ -101,7 +101,7 @@ def _print_prediction(motion: str, robot: RobotModel) -> None:
 def _largest_g(command: Command, robot: RobotModel) -> str:
     """Return the largest resultant at the head [G] as text, "-" without a head."""
     from sdt_drake.motion import INTERPOLATION_PERIOD, commanded_motion
-    from sdt_drake.robot.head import has_head, head_motion
+    from sdt_drake.pilot.head import has_head, head_motion
 
     if command.duration > _MAX_DURATION:
         raise InputError(f"duration: {command.duration:g} s, expected at most {_MAX_DURATION:g} s")

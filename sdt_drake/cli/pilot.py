@@ -14,11 +14,11 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
 
 if TYPE_CHECKING:
-    from sdt_drake.analysis.orientation import Percept
     from sdt_drake.analysis.tracking import HeadTracking
     from sdt_drake.io.arrays import Array
     from sdt_drake.motion import Story
-    from sdt_drake.robot.head import HeadMotion
+    from sdt_drake.pilot.head import HeadMotion
+    from sdt_drake.pilot.orientation import Percept
     from sdt_drake.robot.robot import Robot as RobotModel
 
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
@@ -54,10 +54,10 @@ def run(
     """
     import numpy as np
 
-    from sdt_drake.analysis.illusions import feel, felt_apart, illusions, intended
-    from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.tracking import track_head
-    from sdt_drake.systems.orientation import load_perception
+    from sdt_drake.pilot.illusions import feel, felt_apart, illusions, intended
+    from sdt_drake.pilot.observer import load_perception
+    from sdt_drake.pilot.orientation import CAUTION
 
     if validate or scenario is None:
         if scenario is not None or not validate:
@@ -112,10 +112,10 @@ def run(
 
 def _validate(robot: str) -> None:
     """Print predictions of the shipped parameter sets beside published reports of people."""
-    from sdt_drake.analysis.illusions import intended_illusions
-    from sdt_drake.analysis.orientation import CAUTION
-    from sdt_drake.analysis.reported import LEGEND, validate, verdict_of_all
-    from sdt_drake.robot.head import check_head
+    from sdt_drake.pilot.head import check_head
+    from sdt_drake.pilot.illusions import intended_illusions
+    from sdt_drake.pilot.orientation import CAUTION
+    from sdt_drake.pilot.reported import LEGEND, validate, verdict_of_all
     from sdt_drake.show.reports.perception import intended_table, reported_notes, reported_table
 
     model = sdt.load_robot(robot)
@@ -139,10 +139,10 @@ def _share(motion: str, robot: str, gains: str, count: int) -> None:
     """Print how many of `count` pilots are predicted to feel the illusion of a motion."""
     import numpy as np
 
-    from sdt_drake.analysis.illusions import LEVELS, PERIOD, illusion_of, planned_head, unit_of
-    from sdt_drake.analysis.orientation import CAUTION
-    from sdt_drake.analysis.pilots import differences, feelings
-    from sdt_drake.robot.head import check_head
+    from sdt_drake.pilot.head import check_head
+    from sdt_drake.pilot.illusions import LEVELS, PERIOD, illusion_of, planned_head, unit_of
+    from sdt_drake.pilot.orientation import CAUTION
+    from sdt_drake.pilot.pilots import differences, feelings
 
     model = sdt.load_robot(robot)
     check_head(model)
@@ -166,7 +166,7 @@ def _recorded(
 ) -> tuple[str, sdt.Recording, RobotModel, Story]:
     """Return name, recording, robot and story of a scenario or a recording."""
     from sdt_drake.motion import Story, story_of
-    from sdt_drake.robot.head import check_head
+    from sdt_drake.pilot.head import check_head
 
     if Path(path).suffix in TABLES:
         common.refuse_changes(changes, path)
@@ -186,7 +186,7 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
     """Return header and rows of the largest quantities, reference and achieved."""
     import numpy as np
 
-    from sdt_drake.analysis.perception import UNPERCEIVED_RATE, canals, false_sensation_after_stop
+    from sdt_drake.pilot.perception import UNPERCEIVED_RATE, canals, false_sensation_after_stop
 
     def values(motion: HeadMotion, felt: Percept) -> list[str]:
         omega = motion.angular_velocity
@@ -212,7 +212,7 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
 
 def _felt_rows(head: HeadTracking, time: Array) -> Rows:
     """Return header and rows of the error in multiples of the threshold, by channel."""
-    from sdt_drake.analysis.perception import CHANNELS
+    from sdt_drake.pilot.perception import CHANNELS
 
     rows = [
         (
@@ -240,8 +240,8 @@ def _write(
     Columns name_1, name_2, name_3 are along x, y, z of the head; multiple_1 to multiple_6 are in
     the order of CHANNELS.
     """
-    from sdt_drake.analysis.perception import canals
     from sdt_drake.io.tables import write_table
+    from sdt_drake.pilot.perception import canals
 
     columns: dict[str, Array] = {}
     motions = (head.reference, head.achieved)

@@ -21,7 +21,7 @@ def run(folder: Annotated[Target, Parameter(name="DIR")], /) -> None:
     Args:
         folder: folder with the results
     """
-    from sdt_drake.show.reports.paper import FILES, write_report
+    from sdt_drake.paper.report import FILES, write_report
     from sdt_drake.show.reports.study import study_chapter, write_study_report
     from sdt_drake.studies.folder import holds_study
 

@@ -17,10 +17,10 @@ def run(*, out: Target = Path("out")) -> None:
     Args:
         out: folder for the results
     """
-    from sdt_drake.analysis.reproduction import Stopwatch, reproduce
+    from sdt_drake.paper.files import FILES, write_reproduction
+    from sdt_drake.paper.report import claims_in_words, findings
+    from sdt_drake.paper.reproduction import Stopwatch, reproduce
     from sdt_drake.show.documents import REPORT, plain
-    from sdt_drake.show.reports.paper import claims_in_words, findings
-    from sdt_drake.show.reports.paper_files import FILES, write_reproduction
 
     start = time.perf_counter()
     check_folder(out, FILES)

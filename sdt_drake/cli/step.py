@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import sdt_drake as sdt
-from sdt_drake.analysis import paper
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, Out, Show, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
+from sdt_drake.paper.published import OMEGA_R, table1
 
 
 def run(
@@ -100,14 +100,14 @@ def _axis(
     show: bool,
 ) -> None:
     """Step the reference of one speed loop (Figure 4)."""
-    from sdt_drake.analysis.reproduction import step_response
+    from sdt_drake.paper.reproduction import step_response
     from sdt_drake.systems.gains import tune
 
     taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
     if inertia is None:
-        inertia = paper.table1("i_eff_max")[0]
+        inertia = table1("i_eff_max")[0]
     if omega_r is None:
-        omega_r = paper.OMEGA_R
+        omega_r = OMEGA_R
     step = step_response(structure, zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
     gains, metrics = tune([inertia], omega_r, [zeta]), asdict(step.metrics)

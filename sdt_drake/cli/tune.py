@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 import sdt_drake as sdt
-from sdt_drake.analysis import paper
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, Trust, one_of
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import RESULT_TABLES, Results
+from sdt_drake.paper.published import OMEGA_R, table1
 
 if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
@@ -80,7 +80,7 @@ def run(
             design.motion.time,
             effective_inertia(design.robot, design.torques.d_kk),
             design.robot.joint_names,
-            paper.table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
+            table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
         ),
         Results(about, columns).write,
     )
@@ -101,12 +101,12 @@ def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str
     if omega_r is None and not _is_shipped(robot):
         raise InputError(
             "--omega-r: missing, expected the lowest natural frequency of the structure of "
-            f"{robot} [rad/s]; {paper.OMEGA_R} is that of the shipped device"
+            f"{robot} [rad/s]; {OMEGA_R} is that of the shipped device"
         )
     if omega_r is None:
-        omega_r = paper.OMEGA_R
+        omega_r = OMEGA_R
     if zeta is None and _is_shipped(robot):
-        zeta = paper.table1("zeta_max")
+        zeta = table1("zeta_max")
     names = {f"controller.{name}": option for name, option in _OPTIONS.items()}
     with (
         common.naming_robot("--robot"),

@@ -54,7 +54,7 @@ def run(
         once: live view: stop at the end of the motion
     """
     from sdt_drake.io.resources import named
-    from sdt_drake.robot.head import has_head
+    from sdt_drake.pilot.head import has_head
     from sdt_drake.show.view3d.scene import check_angles
     from sdt_drake.show.view3d.viewer import PAGES, play, record_html
 
@@ -87,7 +87,7 @@ def run(
 
 def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]:
     """Return a function that prints the address of a live view, and what its violet head is."""
-    from sdt_drake.analysis.orientation import CAUTION
+    from sdt_drake.pilot.orientation import CAUTION
 
     def announce(address: str) -> None:
         echo(f"{title}: {address}" + ("" if once else "; end it with Ctrl-C"))
@@ -125,7 +125,7 @@ def _motion(
     """Return title, robot, time [s], joint angles [rad] and story of a motion or a scenario."""
     from sdt_drake.io.resources import find_file, named
     from sdt_drake.motion import INTERPOLATION_PERIOD, Story, load_plan, story_of
-    from sdt_drake.robot.head import check_head
+    from sdt_drake.pilot.head import check_head
 
     kinds = ("scenario", "motion")
     if Path(named(what, *kinds)).suffix not in ("", ".yaml", ".yml", *TABLES):

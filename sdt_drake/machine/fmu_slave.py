@@ -17,8 +17,8 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
 from sdt_drake.io.versions import versions
 from sdt_drake.machine.fmu import ABOUT, SCENARIO, open_loop
+from sdt_drake.pilot.head import has_head, head_motion
 from sdt_drake.robot.device import Friction, friction_parameters
-from sdt_drake.robot.head import has_head, head_motion
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator

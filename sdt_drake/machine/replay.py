@@ -11,7 +11,6 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.analysis.metrics import Metric
-from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.io.errors import InputError, checked_type
 from sdt_drake.io.progress import with_progress
@@ -29,6 +28,7 @@ from sdt_drake.run.loop import make_loop
 from sdt_drake.run.motor_torque import envelope
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
+from sdt_drake.run.threads import threads
 from sdt_drake.systems import sample_source
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""The robot: its file, dynamics, drives, motors, and the pilot's head on it."""
+"""The robot: its file, dynamics, drives and motors."""

@@ -19,6 +19,7 @@ from sdt_drake.machine.drive_files import Drives
 from sdt_drake.machine.fly.flight import FlightColumns
 from sdt_drake.machine.recordings import Columns
 from sdt_drake.motion import MotionProfile
+from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.motors import Catalogue
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
@@ -27,7 +28,6 @@ from sdt_drake.run.simulate import RECORDED_COLUMNS, Recording
 from sdt_drake.show.documents import TEMPLATES, render
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study
-from sdt_drake.systems.orientation import PerceptionModel
 
 FILES: Mapping[str, type] = {
     "scenario": Scenario,

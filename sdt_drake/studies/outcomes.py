@@ -13,7 +13,7 @@ from sdt_drake.analysis.tracking import motor_use
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import margins
-from sdt_drake.robot.head import has_head
+from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.motors import Motor, as_driven, motors_in_use
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import Scenario

@@ -27,10 +27,6 @@ vectors of length n unless the table gives another length:
     tau                  torque of the motors, motor side [N m]
     metered              integral of tau (`add_meter`) over 1e12 limits [s]
     tau_link             torque that an elastic joint transmits to its link, motor side [N m]
-
-The observer of the pilot's orientation has ports of length 3 in axes of the head: inputs
-specific_force [m/s²] and angular_rate [rad/s]; outputs, as felt, gravity [G], rate [rad/s] and
-acceleration [m/s²].
 """
 
 from sdt_drake.systems.axis_process import axis_process
@@ -42,7 +38,6 @@ from sdt_drake.systems.gain_schedule import gain_schedule
 from sdt_drake.systems.inverse_dynamics import inverse_dynamics_controller
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.meter import add_meter, mean_torque
-from sdt_drake.systems.orientation import internal_model, load_perception, orientation_observer
 from sdt_drake.systems.pi import pi_speed_controller
 from sdt_drake.systems.position_loop import position_loop
 from sdt_drake.systems.reference import (
@@ -70,12 +65,9 @@ __all__ = [
     "encoder",
     "gain_schedule",
     "hold_of",
-    "internal_model",
     "inverse_dynamics_controller",
     "joint_friction",
-    "load_perception",
     "mean_torque",
-    "orientation_observer",
     "pi_speed_controller",
     "position_loop",
     "reference_source",

@@ -16,14 +16,14 @@ from functools import partial
 import numpy as np
 from timing import head, row
 
-from sdt_drake.analysis.perception import LINEAR
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.fly import procedure
 from sdt_drake.machine.fly.flight import make_flight, read_flight
 from sdt_drake.machine.fly.procedure import fly
 from sdt_drake.machine.fly.program import RATE
 from sdt_drake.motion import load_plan, shipped_motions
-from sdt_drake.robot.head import head_motion
+from sdt_drake.pilot.head import head_motion
+from sdt_drake.pilot.perception import LINEAR
 from sdt_drake.robot.robot import load_robot
 
 PERIOD = 1 / 60  # s, of JSBSim

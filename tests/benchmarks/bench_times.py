@@ -16,10 +16,10 @@ from collections.abc import Callable
 import numpy as np
 from timing import head, row, spread
 
-from sdt_drake.analysis.illusions import feel
-from sdt_drake.analysis.perception import canals, false_sensation_after_stop
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.motion import Command, Motion, load_command, plan_motion, retime
+from sdt_drake.pilot.illusions import feel
+from sdt_drake.pilot.perception import canals, false_sensation_after_stop
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario

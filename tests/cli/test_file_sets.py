@@ -10,9 +10,9 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs, replacing_files, write_text
 from sdt_drake.machine.drive_files import FILES as EXPORTED
 from sdt_drake.machine.identify import files as identified_files
+from sdt_drake.paper import files
 from sdt_drake.show.reports import fly as flown_files
 from sdt_drake.show.reports import learning
-from sdt_drake.show.reports import paper_files as files
 from sdt_drake.show.reports import replay as replay_report
 
 call, desk, refuse = (getattr(command_line, x) for x in ("call", "desk", "refuse"))
@@ -60,7 +60,7 @@ COMMANDS = {
     "replay run.csv coupled_pi": (replay_report.FILES, "machine.replay.replay"),
     "export --drive drives": (EXPORTED, "run.design.make_design"),
     "learn wrong_model": (learning.ALL_FILES, "run.design.make_design"),
-    "reproduce": (files.FILES, "analysis.reproduction.reproduce"),
+    "reproduce": (files.FILES, "paper.reproduction.reproduce"),
     "fly sdt turn": (flown_files.FILES, "machine.fly.procedure.fly"),
     "size sizing": (("sizing.txt", "candidates.csv"), "studies.execute.run_study"),
 }

@@ -59,7 +59,7 @@ import threading
 from pathlib import Path
 import sdt_drake.cli.step as step
 from sdt_drake.io.files import replacing, replacing_files
-from sdt_drake.analysis.threads import threads
+from sdt_drake.run.threads import threads
 def with_threads(**options):
     with threads(1) as pool:
         for _ in range(2):

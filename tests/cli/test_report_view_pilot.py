@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from test_commands import TABLE
 
-from sdt_drake.analysis.illusions import feel
-from sdt_drake.analysis.perception import canals
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import read_table, write_table
+from sdt_drake.paper.report import write_report
+from sdt_drake.pilot.illusions import feel
+from sdt_drake.pilot.perception import canals
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import REPORT
-from sdt_drake.show.reports.paper import write_report
 
 
 @pytest.fixture
@@ -135,5 +135,5 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
 
 
 def test_that_no_illusion_is_predicted_is_told(good, recording, monkeypatch):
-    monkeypatch.setattr(import_module("sdt_drake.analysis.illusions"), "illusions", lambda *_: [])
+    monkeypatch.setattr(import_module("sdt_drake.pilot.illusions"), "illusions", lambda *_: [])
     assert "by clark2019:\n  none\n" in good("pilot", "run.csv").out

@@ -9,7 +9,6 @@ from robots import chain_sdf, loaded
 from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 
-from sdt_drake.analysis.perception import LINEAR
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import watching
 from sdt_drake.machine.fly import procedure
@@ -17,8 +16,9 @@ from sdt_drake.machine.fly.flight import make_flight, read_flight
 from sdt_drake.machine.fly.procedure import fly
 from sdt_drake.machine.fly.program import Aim, Course, rated
 from sdt_drake.motion import Motion, load_plan
+from sdt_drake.pilot.head import GRAVITY, head_motion
+from sdt_drake.pilot.perception import LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
-from sdt_drake.robot.head import GRAVITY, head_motion
 
 QUICK = {"approach": 4.0, "departure": 4.0, "knot": 0.4}
 FRAME = '<frame name="head" attached_to="link_3"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'

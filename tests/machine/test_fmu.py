@@ -12,8 +12,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 from variants import kind
 
 from sdt_drake.machine.fmu import write_fmu
+from sdt_drake.pilot.head import head_motion
 from sdt_drake.robot.device import Friction
-from sdt_drake.robot.head import head_motion
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
 

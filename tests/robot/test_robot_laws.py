@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pydrake.multibody.tree import JacobianWrtVariable
 from strategies import GENERATORS, moving, robots
 
+from sdt_drake.pilot.head import head_motion
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import decouple, effective_inertia, inverse_dynamics, torque_groups
-from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot, edited, load_robot
 

@@ -14,9 +14,8 @@ from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse
 from sdt_drake.analysis.loop_step import step
-from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
-from sdt_drake.analysis.step import step_metrics
+from sdt_drake.analysis.step import StepResponse, step_metrics
 from sdt_drake.analysis.tracking import MotorUse, Tracking, track_head
 from sdt_drake.machine.fly.flight import make_flight
 from sdt_drake.machine.fly.option import Option, percept_of
@@ -28,13 +27,13 @@ from sdt_drake.machine.learn.loops import LoopSet
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, FEEDFORWARD, Replay
 from sdt_drake.motion import Motion, Plan, margins
+from sdt_drake.pilot.observer import load_perception
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import DeviceChoice, as_driven
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing
 from sdt_drake.studies.verdicts import Verdict
-from sdt_drake.systems.orientation import load_perception
 
 PERIOD, NAMES = 0.01, ("base", "elbow", "wrist")
 DRIVE = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}

@@ -15,11 +15,11 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from sdt_drake.run.step_loop import make_step_loop
+from sdt_drake.paper.diagrams import DIAGRAMS
+from sdt_drake.paper.step_loop import make_step_loop
 from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
-from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems.gains import tune
 

@@ -13,13 +13,13 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from sdt_drake.paper.diagrams import DIAGRAMS
+from sdt_drake.paper.step_loop import make_step_loop
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.show.block_diagrams import dot_text, fingerprint, page_of, write_diagram
 from sdt_drake.show.diagrams import paint
-from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems import encoder
 from sdt_drake.systems.gains import tune

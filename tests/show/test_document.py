@@ -10,11 +10,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sdt_drake.analysis.claims import VERDICTS
 from sdt_drake.io.files import write_text
+from sdt_drake.paper.claims import VERDICTS
+from sdt_drake.paper.report import write_report
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Panel, Plots
-from sdt_drake.show.reports.paper import write_report
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
 # A page with all that could end a script or an attribute.

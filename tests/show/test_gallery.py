@@ -9,10 +9,10 @@ import pytest
 from figures import check_same_text, described
 from gallery_inputs import COLUMNS, FAMILIES, NAMES, ROBOT, SIZING, Inputs
 
-from sdt_drake.analysis.illusions import feel
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.model import identified_robot, plant_friction
 from sdt_drake.motion import Story, TimedSegment
+from sdt_drake.pilot.illusions import feel
 from sdt_drake.robot.dynamics import Loads
 from sdt_drake.show.figures import fronts, identification, motions, pilot, runs, scope, studies
 from sdt_drake.show.figures.replay import replay_figure

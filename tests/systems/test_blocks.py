@@ -8,14 +8,14 @@ from functools import cache, partial
 import alone
 import numpy as np
 import pytest
-from alone import GEAR, LIMIT, PERIOD, Alone, N, inputs_of, made, outputs_of
+from alone import GEAR, LIMIT, PERIOD, Alone, N, block, inputs_of, made, outputs_of
 from hypothesis import given
 from laws import CASES, DEVICE, TIME
 from pydrake.common.yaml import yaml_load
 from pydrake.systems.framework import LeafSystem
 from strategies import GENERATORS
 
-from sdt_drake import systems
+from sdt_drake import pilot, systems
 from sdt_drake.io.errors import InputError
 from sdt_drake.systems.elastic_joints import set_motor_state
 from sdt_drake.systems.encoder import set_measured
@@ -24,7 +24,7 @@ from sdt_drake.systems.torque_loop import set_motor_torque
 from sdt_drake.systems.wiring import set_state
 
 BLOCKS = ["symbolic_law"]  # its ports are arguments, so it has no picture
-BLOCKS += [x for x in systems.__all__ if ".. pydrake_system::" in getattr(systems, x).__doc__]
+BLOCKS += [x for x in systems.__all__ + pilot.__all__ if ".. pydrake_system::" in block(x).__doc__]
 
 
 # --- ports -----------------------------------------------------------------------------------
@@ -32,16 +32,17 @@ BLOCKS += [x for x in systems.__all__ if ".. pydrake_system::" in getattr(system
 
 def is_drawn(name, system, optional=()):
     """The ports of a block are those of the picture in its docstring; others are in its text."""
-    block = getattr(systems, name)
     text = re.search(
-        r"^\.\. pydrake_system::\n((?:\n| {4}.*\n)+)", f"{inspect.getdoc(block)}\n", re.MULTILINE
+        r"^\.\. pydrake_system::\n((?:\n| {4}.*\n)+)",
+        f"{inspect.getdoc(block(name))}\n",
+        re.MULTILINE,
     )
     inputs = [name for name in inputs_of(system) if name not in optional]
     ports = {"input_ports": inputs, "output_ports": list(outputs_of(system))}
     drawn = {name: names for name, names in ports.items() if names} | {"name": name}
     assert yaml_load(data=textwrap.dedent(text[1])) == drawn
     assert len(inputs) + len(optional) == system.num_input_ports()
-    assert all(f"`{port}`" in block.__doc__ for port in optional)
+    assert all(f"`{port}`" in block(name).__doc__ for port in optional)
     assert isinstance(system, LeafSystem) or system.get_name() == name
 
 
@@ -52,7 +53,7 @@ def test_every_block_has_a_law_here_or_in_test_sources_or_test_drawing():
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_a_block_has_keyword_arguments_and_the_ports_of_its_picture(name, robot, meshcat):
-    signature = inspect.signature(getattr(systems, name))
+    signature = inspect.signature(block(name))
     assert all(p.kind is p.KEYWORD_ONLY for p in signature.parameters.values())
     if name != "symbolic_law":
         changes = {"meshcat": meshcat} if name == "robot_drawing" else {}

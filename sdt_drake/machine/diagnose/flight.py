@@ -10,7 +10,7 @@ import numpy as np
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.fly.flight import Flight
-from sdt_drake.robot.head import GRAVITY
+from sdt_drake.pilot.head import GRAVITY
 
 
 def check_flight(flight: Flight) -> list[Finding]:

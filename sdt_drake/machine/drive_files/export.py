@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arguments import a_path, like, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import MAX_PERIODS, InputError, checked_count, within
@@ -30,6 +29,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design, as_design, make_design
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
+from sdt_drake.run.threads import threads
 from sdt_drake.run.tuning import Feedforward
 
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"

@@ -19,7 +19,7 @@ from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.recordings import Layout, place_of, times_of
 from sdt_drake.machine.recordings import missing as missing_column
 from sdt_drake.motion.trajectory import interpolated
-from sdt_drake.robot.head import GRAVITY
+from sdt_drake.pilot.head import GRAVITY
 
 _FORCES = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}
 _RATES = {"rad/s": 1.0, "deg/s": np.pi / 180}

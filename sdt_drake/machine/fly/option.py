@@ -7,16 +7,16 @@ from functools import cached_property
 
 import numpy as np
 
-from sdt_drake.analysis.orientation import Percept, perceive
-from sdt_drake.analysis.perception import CANAL, LINEAR, low_pass
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.fly.flight import Flight
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.robot.head import GRAVITY, HeadMotion, head_motion
+from sdt_drake.pilot.head import GRAVITY, HeadMotion, head_motion
+from sdt_drake.pilot.observer import PerceptionModel
+from sdt_drake.pilot.orientation import Percept, perceive
+from sdt_drake.pilot.perception import CANAL, LINEAR, low_pass
 from sdt_drake.robot.robot import Robot
-from sdt_drake.systems.orientation import PerceptionModel
 
 
 @dataclass(frozen=True, eq=False)

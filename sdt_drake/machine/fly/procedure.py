@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.analysis.orientation import Percept
 from sdt_drake.io.arguments import a_path, positive, share, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number, whole_periods, within
@@ -25,9 +24,10 @@ from sdt_drake.machine.fly.program import MAX_STEPS, Aim, Course, fitted, rated,
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.robot.head import GRAVITY, check_head
+from sdt_drake.pilot.head import GRAVITY, check_head
+from sdt_drake.pilot.observer import PerceptionModel, load_perception
+from sdt_drake.pilot.orientation import Percept
 from sdt_drake.robot.robot import Robot, load_robot
-from sdt_drake.systems.orientation import PerceptionModel, load_perception
 
 SEATS = (0.0, np.pi / 2, -np.pi / 2)
 """First angles of the last joint for the search [rad]."""

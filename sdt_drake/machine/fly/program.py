@@ -23,11 +23,11 @@ import numpy as np
 import scipy.sparse as sp
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
-from sdt_drake.analysis.perception import AXES, CANAL, LINEAR, low_pass
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion.trajectory import Motion
+from sdt_drake.pilot.head import head_motion
+from sdt_drake.pilot.perception import AXES, CANAL, LINEAR, low_pass
 from sdt_drake.robot.dynamics import inverse_dynamics
-from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.robot import Robot
 
 RATE = np.radians(1.58 * np.array(AXES))

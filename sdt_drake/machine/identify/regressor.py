@@ -16,7 +16,7 @@ import numpy as np
 from pydrake.multibody.tree import Frame, RevoluteJoint
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.robot.head import turned
+from sdt_drake.pilot.head import turned
 from sdt_drake.robot.robot import Robot
 
 PARAMETERS = ("mass", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

@@ -15,7 +15,7 @@ from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.motion import LearnedReference, Motion
-from sdt_drake.robot.head import has_head
+from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.design import Design
 from sdt_drake.run.simulate import simulate

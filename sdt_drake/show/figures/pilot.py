@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.illusions import true_attitude
-from sdt_drake.analysis.orientation import CAUTION, Percept, perceive
-from sdt_drake.analysis.perception import CHANNELS, canals
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Story, TimedSegment
-from sdt_drake.robot.head import GRAVITY, HeadMotion
+from sdt_drake.pilot.head import GRAVITY, HeadMotion
+from sdt_drake.pilot.illusions import true_attitude
+from sdt_drake.pilot.orientation import CAUTION, Percept, perceive
+from sdt_drake.pilot.perception import CHANNELS, canals
 from sdt_drake.show.figures.scope import ACHIEVED
 from sdt_drake.show.panels import Line, Panel, draw, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, plain_numbers, style

@@ -17,15 +17,15 @@ from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_degrees
 from sdt_drake.analysis.loop_step import LoopStep
 from sdt_drake.analysis.metrics import COMPARED, METRICS
-from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
+from sdt_drake.analysis.step import StepResponse
 from sdt_drake.analysis.tracking import constant_speed_segments
 from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import formatted, numbered
 from sdt_drake.motion import Motion
+from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.dynamics import InertiaRange, Loads
-from sdt_drake.robot.head import has_head
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.orientation import CAUTION
-from sdt_drake.analysis.perception import CANAL, CHANNELS, low_pass
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files
@@ -20,7 +18,9 @@ from sdt_drake.machine.fly.option import Option
 from sdt_drake.machine.fly.procedure import Flown
 from sdt_drake.machine.fly.program import MAX_STEPS
 from sdt_drake.motion import margins
-from sdt_drake.robot.head import GRAVITY
+from sdt_drake.pilot.head import GRAVITY
+from sdt_drake.pilot.orientation import CAUTION
+from sdt_drake.pilot.perception import CANAL, CHANNELS, low_pass
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, Table, render
 from sdt_drake.show.panels import Line, Panel, Plots
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, pictures, save_both, style

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sdt_drake.analysis.illusions import Intended
-from sdt_drake.analysis.reported import Judged
+from sdt_drake.pilot.illusions import Intended
+from sdt_drake.pilot.reported import Judged
 from sdt_drake.show.documents import Table
 
 

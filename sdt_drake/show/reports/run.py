@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response, left_out
-from sdt_drake.analysis.illusions import feel, illusions, intended
 from sdt_drake.analysis.metrics import COMPARED, METRICS, plain_number
-from sdt_drake.analysis.orientation import CAUTION
-from sdt_drake.analysis.perception import CHANNELS
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -23,7 +20,10 @@ from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.motion import story_of
-from sdt_drake.robot.head import has_head
+from sdt_drake.pilot.head import has_head
+from sdt_drake.pilot.illusions import feel, illusions, intended
+from sdt_drake.pilot.orientation import CAUTION
+from sdt_drake.pilot.perception import CHANNELS
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS

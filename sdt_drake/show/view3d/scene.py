@@ -12,12 +12,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from sdt_drake.analysis.illusions import feel
-from sdt_drake.analysis.orientation import Percept
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.motion.trajectory import interpolated
-from sdt_drake.robot.head import GRAVITY, HeadMotion, has_head, head_motion
+from sdt_drake.pilot.head import GRAVITY, HeadMotion, has_head, head_motion
+from sdt_drake.pilot.illusions import feel
+from sdt_drake.pilot.orientation import Percept
 from sdt_drake.robot.robot import Robot
 from sdt_drake.systems.robot_drawing import add_robot_drawing
 

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
-from sdt_drake.analysis.illusions import intended, true_attitude
-from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.io.arguments import a, a_path, like, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_output, checked_suffix, write_text
 from sdt_drake.io.shown import numbered
 from sdt_drake.motion import Story
-from sdt_drake.robot.head import check_head
+from sdt_drake.pilot.head import check_head
+from sdt_drake.pilot.illusions import intended, true_attitude
+from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.scenario import Scenario

@@ -13,38 +13,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sdt_drake.analysis import paper, tuning
+from sdt_drake.analysis import tuning
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
-from sdt_drake.analysis.reported import Judged, validate
-from sdt_drake.analysis.step import StepMetrics, step_metrics
-from sdt_drake.analysis.threads import threads
-from sdt_drake.io.arrays import Array
+from sdt_drake.analysis.step import StepResponse, step_metrics
 from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.progress import with_progress
+from sdt_drake.paper.published import FIGURE4_ZETA, OMEGA_R, TABLE1, table1
+from sdt_drake.paper.step_loop import make_step_loop
+from sdt_drake.pilot.reported import Judged, validate
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator
-from sdt_drake.run.step_loop import make_step_loop
+from sdt_drake.run.threads import threads
 from sdt_drake.systems.gains import tune
 
 Announce = Callable[[str], None]
 """A function that shows one line of progress."""
-
-
-@dataclass(frozen=True, eq=False)
-class StepResponse:
-    """A simulated step of motor speed from 0 to 1 rad/s."""
-
-    structure: str
-    """Structure of the PI controller, "pi" or "p_in_feedback"."""
-    zeta: float
-    """Damping ratio [-]."""
-    time: Array
-    """Time since the step [s], shape (N,)."""
-    speed: Array
-    """Speed of the motor [rad/s], shape (N,)."""
-    metrics: StepMetrics
-    """Metrics of `speed`."""
 
 
 class Case(NamedTuple):
@@ -119,8 +103,8 @@ def reproduce(watch: Stopwatch) -> Reproduction:
     with watch.stage("step responses"):
         i_eff_1 = design.inertia.maximum[0]
         steps = {
-            structure: step_response(structure, zeta, i_eff_1, paper.OMEGA_R)
-            for structure, zeta in paper.FIGURE4_ZETA.items()
+            structure: step_response(structure, zeta, i_eff_1, OMEGA_R)
+            for structure, zeta in FIGURE4_ZETA.items()
         }
     # No Python runs inside these loops.
     with watch.stage("simulations"), threads(2) as pool:
@@ -181,7 +165,7 @@ def table1_rows(design: Design) -> list[dict[str, Any]]:
     found, rows = tuning.tune(design), []
     for k in range(design.robot.n):
         computed = {name: float(found[name][k]) for name in _TABLE1}
-        published = {x: paper.table1(x)[k] if x in paper.TABLE1 else None for x in _TABLE1}
+        published = {x: table1(x)[k] if x in TABLE1 else None for x in _TABLE1}
         rows.append({"joint": k + 1, **computed, "published": {"joint": k + 1, **published}})
     return rows
 
@@ -225,7 +209,7 @@ def _run(base: Design, case: Case) -> Compared:
         {"algorithm": case.algorithm, "disturbance.amplitude": case.disturbance_amplitude},
     )
     if case.process == "i_eff_min":
-        variation = np.array(paper.table1("variation_percent")) / 100
+        variation = np.array(table1("variation_percent")) / 100
         i_eff = np.array(scenario.plant.i_eff) * (1 - variation)
         scenario = scenario.changed({"plant.i_eff": i_eff})
     return run_of(case.controller, base.variant(scenario))

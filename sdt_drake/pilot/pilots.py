@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from sdt_drake.analysis.illusions import LEVELS, feel, largest_error
-from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.yaml_files import read_yaml
 from sdt_drake.motion import FELT_QUANTITIES, IntendedIllusion
-from sdt_drake.robot.head import HeadMotion
-from sdt_drake.systems.orientation import PerceptionModel, load_perception
+from sdt_drake.pilot.head import HeadMotion
+from sdt_drake.pilot.illusions import LEVELS, feel, largest_error
+from sdt_drake.pilot.observer import PerceptionModel, load_perception
+from sdt_drake.run.threads import threads
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from test_findings import rows_of_table
 
-from sdt_drake.analysis.illusions import (
+from sdt_drake.io.resources import find_file
+from sdt_drake.motion import IntendedIllusion, shipped_motions
+from sdt_drake.pilot import load_perception
+from sdt_drake.pilot.head import head_motion
+from sdt_drake.pilot.illusions import (
     PERIOD,
     Illusion,
     Intended,
@@ -20,11 +24,7 @@ from sdt_drake.analysis.illusions import (
     quantities,
     true_attitude,
 )
-from sdt_drake.analysis.pilots import Feeling, draw_pilots
-from sdt_drake.io.resources import find_file
-from sdt_drake.motion import IntendedIllusion, shipped_motions
-from sdt_drake.robot.head import head_motion
-from sdt_drake.systems import load_perception
+from sdt_drake.pilot.pilots import Feeling, draw_pilots
 
 SETS = ("clark2019", "slow_yaw", "rader2009", "irmak2023")
 

@@ -1,6 +1,6 @@
 """Predicted orientation that a pilot perceives during a recorded motion of the head.
 
-`sdt_drake.analysis.reported` compares the predictions with reports of people.
+`sdt_drake.pilot.reported` compares the predictions with reports of people.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, formatted, higher
 from sdt_drake.io.tables import data_frame
-from sdt_drake.robot.head import GRAVITY
-from sdt_drake.run.simulate import make_simulator
-from sdt_drake.systems.orientation import (
+from sdt_drake.pilot.head import GRAVITY
+from sdt_drake.pilot.observer import (
     PerceptionModel,
     load_perception,
     orientation_observer,
     set_unfelt,
 )
+from sdt_drake.run.simulate import make_simulator
 from sdt_drake.systems.reference import sample_source
 
 if TYPE_CHECKING:

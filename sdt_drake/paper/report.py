@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from sdt_drake.analysis import paper
-from sdt_drake.analysis.claims import (
+from sdt_drake.analysis.metrics import METRICS, plain_number
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import read_text, replacing_files, write_text
+from sdt_drake.io.shown import formatted
+from sdt_drake.paper.claims import (
     BEYOND,
     BY_CONSTRUCTION,
     NOT_COMPARABLE,
@@ -21,12 +24,9 @@ from sdt_drake.analysis.claims import (
     REPRODUCED,
     VERDICTS,
 )
-from sdt_drake.analysis.metrics import METRICS, plain_number
-from sdt_drake.analysis.orientation import CAUTION
-from sdt_drake.analysis.reported import LEGEND, Judged, verdict_of_all
-from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import read_text, replacing_files, write_text
-from sdt_drake.io.shown import formatted
+from sdt_drake.paper.published import TABLE1, table1
+from sdt_drake.pilot.orientation import CAUTION
+from sdt_drake.pilot.reported import LEGEND, Judged, verdict_of_all
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.perception import reported_notes, reported_table
 
@@ -312,7 +312,7 @@ def _table1(rows: Sequence[Json]) -> doc.Table:
         "zeta_min": ("at min", ".3f"),
     }
     published = [
-        [f"{paper.table1(name)[k]:g}" if name in paper.TABLE1 else "–" for name in columns]
+        [f"{table1(name)[k]:g}" if name in TABLE1 else "–" for name in columns]
         for k in range(len(rows))
     ]
     names = [f"joint {k + 1}" for k in range(len(rows))]

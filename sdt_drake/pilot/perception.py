@@ -2,7 +2,7 @@
 
 Canals and otoliths are linear first-order models from the literature, without vision or
 expectation. They have no velocity storage either, which extends felt rotation from 5.7 s to
-15-20 s; the observer of `sdt_drake.analysis.orientation` has it. The otoliths pass the specific
+15-20 s; the observer of `sdt_drake.pilot.orientation` has it. The otoliths pass the specific
 force unchanged.
 
 The thresholds are absolute ones: attentive subjects, silence and darkness, 1 G, no other motion.
@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.robot.head import HeadMotion
+from sdt_drake.pilot.head import HeadMotion
 
 CANAL = 5.7
 """Time constant tau of the cupula [s] (Rader, Oman & Merfeld 2009, Table T4)."""

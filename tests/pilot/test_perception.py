@@ -8,7 +8,8 @@ from scipy.optimize import brentq
 from scipy.signal import lsim
 from strategies import GENERATORS
 
-from sdt_drake.analysis.perception import (
+from sdt_drake.pilot.head import HeadMotion
+from sdt_drake.pilot.perception import (
     CHANNELS,
     DETECTORS,
     FeltDifference,
@@ -16,8 +17,7 @@ from sdt_drake.analysis.perception import (
     felt_difference,
     low_pass,
 )
-from sdt_drake.analysis.reported import Judged, verdict_of_all
-from sdt_drake.robot.head import HeadMotion
+from sdt_drake.pilot.reported import Judged, verdict_of_all
 
 H = 0.005
 TAU, TAU_A = 5.7, 80.0  # Rader, Oman & Merfeld 2009, Table T4

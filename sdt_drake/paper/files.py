@@ -10,20 +10,20 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis import paper
-from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.perception import CHANNELS, FeltDifference, felt_difference
-from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.versions import versions
+from sdt_drake.paper.claims import Claim, judge_claims
+from sdt_drake.paper.diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.paper.published import FIGURE4
+from sdt_drake.paper.report import FILES as REPORT_FILES
+from sdt_drake.paper.report import RECORDING, SUMMARY, write_report
+from sdt_drake.paper.reproduction import Reproduction, Stopwatch, table1_rows
+from sdt_drake.pilot.perception import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.robot.dynamics import effective_inertia
 from sdt_drake.show.figures import runs as plots
-from sdt_drake.show.paper_diagrams import DIAGRAMS, write_block_diagram
-from sdt_drake.show.reports.paper import FILES as REPORT_FILES
-from sdt_drake.show.reports.paper import RECORDING, SUMMARY, write_report
 from sdt_drake.show.style import pictures, save_both
 from sdt_drake.show.view3d.viewer import record_html
 
@@ -118,14 +118,14 @@ def figures(results: Reproduction) -> dict[str, Figure]:
 def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
     """Return the content of summary.json; NaN and infinity are null."""
     steps = {
-        structure: {name: getattr(step.metrics, name) for name in paper.FIGURE4[structure]}
+        structure: {name: getattr(step.metrics, name) for name in FIGURE4[structure]}
         for structure, step in results.steps.items()
     }
     pi, pi_ctc = (results.coupled(name).head.achieved for name in ("pi", "pi_ctc"))
     apart = felt_difference(pi_ctc, pi, results.design.motion.period)
     content = {
         "table1": table1_rows(results.design),
-        "step_response": {**steps, "published": paper.FIGURE4},
+        "step_response": {**steps, "published": FIGURE4},
         "tracking": [case._asdict() | asdict(run.tracking) for case, run in results.runs.items()],
         "claims": [asdict(claim) for claim in claims],
         "beyond": [_beyond_entry(compared) for compared in results.beyond],

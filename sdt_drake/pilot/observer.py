@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Demultiplexer, LinearSystem, MatrixGain, 
 
 from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, Values, setting
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.robot.head import GRAVITY
+from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
 from sdt_drake.systems.wiring import build, set_state
 

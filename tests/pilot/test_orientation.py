@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lsim
 
 import sdt_drake as sdt
-from sdt_drake.analysis.orientation import perceive
-from sdt_drake.systems import load_perception
+from sdt_drake.pilot import load_perception
+from sdt_drake.pilot.orientation import perceive
 
 G = 9.81
 TAU, TAU_A, LAG = 5.7, 80.0, 4 * np.pi

@@ -9,18 +9,18 @@ from typing import Any
 
 from pydrake.systems.framework import Diagram
 
-from sdt_drake.analysis import paper
+from sdt_drake.paper.published import FIGURE4_ZETA, OMEGA_R
+from sdt_drake.paper.step_loop import make_step_loop
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.show.block_diagrams import page_of, write_page
 from sdt_drake.systems.gains import tune
 
 
 def _step_loop(structure: str, base: Design) -> Diagram:
     i_eff = base.inertia.maximum[0]
-    gains = tune([i_eff], paper.OMEGA_R, [paper.FIGURE4_ZETA[structure]])
+    gains = tune([i_eff], OMEGA_R, [FIGURE4_ZETA[structure]])
     return make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
 
 

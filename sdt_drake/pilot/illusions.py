@@ -12,9 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.analysis.orientation import Percept, attitude, perceive
-from sdt_drake.analysis.perception import UNPERCEIVED_RATE
-from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.resources import find_file, shipped
 from sdt_drake.motion import (
@@ -24,9 +21,12 @@ from sdt_drake.motion import (
     load_profile,
     shipped_motions,
 )
-from sdt_drake.robot.head import HeadMotion, head_motion_of_samples
+from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
+from sdt_drake.pilot.observer import PERCEPTION, PerceptionModel
+from sdt_drake.pilot.orientation import Percept, attitude, perceive
+from sdt_drake.pilot.perception import UNPERCEIVED_RATE
 from sdt_drake.robot.robot import Robot
-from sdt_drake.systems.orientation import PERCEPTION, PerceptionModel
+from sdt_drake.run.threads import threads
 
 LEVELS: dict[str, float] = dict(
     zip(FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True)

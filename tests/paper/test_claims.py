@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from variants import overruled
 
-from sdt_drake.analysis.claims import OF_THE_PAPER, VERDICTS, judge_claims
-from sdt_drake.analysis.reproduction import Case
+from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
+from sdt_drake.paper.reproduction import Case
 
 AXIS_PI = Case("axis", "i_eff_max", "printed", "pi")
 AXIS_CTC = Case("axis", "i_eff_max", "printed", "pi_ctc", 0.05)

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from sdt_drake.analysis.orientation import Percept, perceive
-from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.resources import shipped
 from sdt_drake.io.shown import formatted, listed
 from sdt_drake.io.yaml_files import read_yaml
-from sdt_drake.robot.head import GRAVITY
-from sdt_drake.systems.orientation import PERCEPTION
+from sdt_drake.pilot.head import GRAVITY
+from sdt_drake.pilot.observer import PERCEPTION
+from sdt_drake.pilot.orientation import Percept, perceive
+from sdt_drake.run.threads import threads
 
 GROUPS = ("yaw decay", "gondola turns")
 """Groups of motions; a parameter set should pass both."""
