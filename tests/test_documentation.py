@@ -18,7 +18,7 @@ TEXTS = {
     str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
     for path in [
         *(ROOT / name for name in ("README.md", "diagrams/README.md", "models/README.md")),
-        ROOT / "tests/benchmarks/README.md",
+        *(ROOT / name for name in ("sdt_drake/README.md", "tests/benchmarks/README.md")),
         *sorted((ROOT / ".github").rglob("*.md")),
     ]
 }
