@@ -1,6 +1,7 @@
 """A study as the runner would write it, of formulas instead of simulations."""
 
 import numpy as np
+import pandas as pd
 
 from sdt_drake.studies.table import StudyTable
 
@@ -54,13 +55,7 @@ def small_table(y: np.ndarray, status: list[str] | None = None, **inputs) -> Stu
 def table_of(inputs, outcomes, status=None, reason=None, *, name="small", choices=None):
     """A table of columns; runs are ok unless a status says something else."""
     n = len(next(iter(outcomes.values())))
-    return StudyTable(
-        name=name,
-        row=np.arange(n),
-        inputs=inputs,
-        outcomes=outcomes,
-        status=np.array(["ok"] * n if status is None else status, dtype="<U12"),
-        reason=np.array([""] * n if reason is None else reason, dtype=object),
-        duration=np.full(n, 0.5),
-        choices=choices,
-    )
+    own = {"status": ["ok"] * n if status is None else status}
+    own |= {"reason": [""] * n if reason is None else reason, "duration": np.full(n, 0.5)}
+    runs = pd.DataFrame({**inputs, **own, **outcomes}).rename_axis("row")
+    return StudyTable(name, runs, tuple(inputs), choices)

@@ -83,7 +83,7 @@ def test_committed_rows_are_those_of_today(name):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
     with Store(ROWS / name) as store:
         outcomes, *_ = runner.repeat(0, store.inputs(0))
-        ran = store.about["versions"]["package"]
+        ran = store.about.versions["package"]
     assert ran.split(".")[:2] == sdt_drake.__version__.split(".")[:2]
     for (outcome, values), found in zip(table.outcomes.items(), outcomes, strict=True):
         np.testing.assert_allclose(found, values[0], rtol=1e-3, atol=1e-5, err_msg=outcome)

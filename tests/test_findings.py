@@ -182,8 +182,8 @@ def worst(table, family: str) -> np.ndarray:
 def test_table_of_the_study_is_what_its_rows_say():
     table = read_study_table(STUDIES / "monte_carlo")
     assert set(table.status) == {"ok"}
-    assert f"{len(table.row)} runs of the reference motion" in FINDINGS
-    assert f"Errors of {len(table.row) // 4} devices" in FINDINGS
+    assert f"{len(table)} runs of the reference motion" in FINDINGS
+    assert f"Errors of {len(table) // 4} devices" in FINDINGS
 
     def percentiles(values, digits):  # what half and 95 % of the runs do not exceed
         rows = [math.ceil(share * len(values)) - 1 for share in (0.5, 0.95)]
@@ -268,7 +268,7 @@ def test_row_459_runs_away_without_anti_windup():
     table, runner = read_study_table(STUDIES / "monte_carlo"), Runner(*load_study("monte_carlo"))
     assert table.inputs["controller"][459] == "p_pi+id"
     assert worst(table, "max_abs_position_error")[459] > np.radians(360)
-    scenario = runner.scenario(459, {key: x[459].item() for key, x in table.inputs.items()})
+    scenario = runner.scenario(459, table.inputs.loc[459].to_dict())
     scenario = scenario.changed({"controller.anti_windup": True, "accuracy": COARSE})
     made, _ = runner.design(scenario)
     largest = track(simulate(made), made.motion).max_abs_position_error.max()

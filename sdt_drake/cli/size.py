@@ -36,7 +36,7 @@ def run(
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures
-    from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, write_verdicts
+    from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, verdict_table
 
     with naming_changes(changes):
         chosen, base = load_sizing(sizing, dict(changes))
@@ -52,7 +52,7 @@ def run(
     echo()
     with replacing_files(folder) as new:
         write_text(new / "sizing.txt", "\n".join(lines) + "\n")
-        write_verdicts(verdicts, new / "candidates.csv")
+        verdict_table(verdicts).to_csv(new / "candidates.csv", index=False, lineterminator="\n")
         write_sizing_report(chosen, verdicts, new, failed)
     echo(f"{folder / REPORT} and {folder / 'candidates.csv'} written")
     where = shlex.quote(str(folder))

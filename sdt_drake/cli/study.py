@@ -89,8 +89,6 @@ def run_file(
     changes: Changes,
 ) -> int:
     """Run the study of a file and return the exit code."""
-    import numpy as np
-
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
@@ -102,7 +100,7 @@ def run_file(
     table = read_study_table(folder)
     echo(study_summary(study.name, table))
     echo(f"{results} written; next: sdt-drake study show {shlex.quote(str(folder))}")
-    return 0 if np.isin(table.status, ANSWERS).any() else FAILED
+    return 0 if table.status.isin(ANSWERS).any() else FAILED
 
 
 def study_summary(name: str, table: StudyTable) -> str:
@@ -110,7 +108,7 @@ def study_summary(name: str, table: StudyTable) -> str:
     from sdt_drake.studies.summary import failures
     from sdt_drake.studies.table import ANSWERS
 
-    answered = sum(status in ANSWERS for status in table.status)
+    answered = table.status.isin(ANSWERS).sum()
     return "; ".join(
         filter(
             None,

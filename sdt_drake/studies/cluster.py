@@ -128,18 +128,18 @@ def run_row(job: Job, number: int, inputs: Mapping[str, Value]) -> Row:
     Raises:
         InputError: if this worker has other versions, or the process does not start.
     """
-    if getattr(_here, "fingerprint", None) != job.fingerprint:
+    if getattr(_here, "about", None) != job.about:
         if other := _other_versions(job):
             raise InputError(f"--cluster: a worker that joined {other}")
         if hasattr(_here, "pool"):
             _here.pool.close()
-        _here.pool, _here.fingerprint = Pool(job), job.fingerprint
+        _here.pool, _here.about = Pool(job), job.about
     return _here.pool.submit(number, inputs).result()
 
 
 def _other_versions(job: Job) -> str:
     """Return this worker's versions that differ from the job's; "" if none does."""
-    other = other_versions(versions(), job.versions)
+    other = other_versions(versions(), job.about.versions)
     return f"has {other}; install there the versions that are used here" if other else ""
 
 

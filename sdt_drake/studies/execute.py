@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.results import write_results
+from sdt_drake.studies.table import pandas
 
 if TYPE_CHECKING:
     from sdt_drake.studies.cluster import Cluster
@@ -54,6 +55,7 @@ def run_study(
             files; for too many workers; for a lost cluster; for a full disk.
         KeyboardInterrupt: on Ctrl-C. It comes between two rows; all finished rows are on the disk.
     """
+    pandas()  # writes the results: without it nothing is run
     study, inbox = job.study, SimpleQueue[Any]()
     backend = _backend(job, workers, cluster, inbox.put)
     with (

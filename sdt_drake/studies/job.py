@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +22,11 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.fields import Field
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.runs import FILE_FIELDS, Runner, moved
+from sdt_drake.studies.store import About
 from sdt_drake.studies.study import Study
+
+STUDY, BASE = "study.yaml", "scenario.yaml"
+"""Places of the study and its base scenario in the folder of the study."""
 
 
 @dataclass(frozen=True)
@@ -35,37 +38,29 @@ class Job:
     base: Scenario
     """The base scenario of the study, as loaded."""
     files: dict[str, bytes]
-    """Contents of the files outside the package, by their names in the study and its base."""
+    """Contents of the files outside the package, by their places in the folder of the study."""
     outcomes: tuple[str, ...]
     """Names of the outcomes of a run."""
-    fingerprint: str
-    """Hash of study, base scenario and files. Equal fingerprints give equal rows."""
-    versions: dict[str, str]
-    """Versions of the packages that compute the rows."""
+    about: About
+    """Identity of the study."""
 
     def runner(self, folder: Path) -> Runner:
         """Return a runner of rows that uses copies of the files, which are written to `folder`."""
-        places = self.save_files(folder)
-        for name, place in places.items():  # `make_job` has checked that they are trusted
-            accept(Path(place), self.files[name])
+        self.save_files(folder)
+        places = {name: f"{folder / place}" for name, place in self.about.files.items()}
+        for name, place in self.about.files.items():  # `make_job` has checked them
+            accept(Path(places[name]), self.files[place])
         return Runner(self.study, self.base, places)
 
-    def save_files(self, folder: Path) -> dict[str, str]:
-        """Write the files into a folder and return the path of each by its name.
+    def save_files(self, folder: Path) -> None:
+        """Write the files into a folder.
 
         Raises:
             InputError: if a file cannot be written.
         """
-        places = {name: f"{folder / place}" for name, place in places_of(self.files).items()}
-        for name, place in places.items():
-            with replacing(Path(place)) as partial:
-                partial.write_bytes(self.files[name])
-        return places
-
-
-def places_of(files: Mapping[str, bytes]) -> dict[str, str]:
-    """Return a path for each file, by its name in the study: each in a folder of its own."""
-    return {name: f"{i + 1}/{Path(name).name}" for i, name in enumerate(files)}
+        for place, content in self.files.items():
+            with replacing(folder / place) as partial:
+                partial.write_bytes(content)
 
 
 def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
@@ -81,27 +76,31 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
             the numbers of joints differ.
     """
     n = make_design(base).robot.n
-    files, hashes = {}, []
+    places: dict[str, str] = {}  # of the files outside the package, by name
+    contents: dict[str, bytes] = {}
     for field, name in _references(study, base):
-        reference = named(name, field.file)
+        place = reference = named(name, field.file)
         file = find_file(reference, field.file, base=study.folder)
         joints = _joints(field.name, file, base)
         if joints not in (None, n):
             raise InputError(f"{name}: {joints} joint(s), expected {n} as in the base scenario")
+        if not reference.startswith(PACKAGE_PREFIX):  # each in a folder of its own
+            place = places.setdefault(name, f"files/{len(places) + 1}/{Path(name).name}")
         with trusting(trust):
-            content = trusted_code(file) if field.file == "controllers" else file.read_bytes()
-        hashes.append(hashlib.sha256(content).hexdigest())
-        if not reference.startswith(PACKAGE_PREFIX):
-            files[name] = content
-    # Rows depend neither on the paths of files nor on the time-out.
-    same_study = dataclasses.replace(study, scenario="", timeout=1.0)
-    depends = {
-        "study": yaml_text(same_study),
-        "base": yaml_text(base, moved(base, places_of(files))),
-        "files": hashes,
+            is_code = field.file == "controllers"
+            contents[place] = trusted_code(file) if is_code else file.read_bytes()
+    texts = {
+        STUDY: yaml_text(dataclasses.replace(study, scenario=BASE)),
+        BASE: yaml_text(base, moved(base, places)),
+        **{place: digest(content) for place, content in contents.items()},
     }
-    fingerprint = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    return Job(study, base, files, outcome_names(base, n), fingerprint, versions())
+    files = {place: contents[place] for place in places.values()}
+    return Job(study, base, files, outcome_names(base, n), About(texts, places, versions()))
+
+
+def digest(content: bytes) -> str:
+    """Return the SHA-256 of a file's content, as `About.contents` has it."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def _joints(field: str, file: Path, base: Scenario) -> int | None:

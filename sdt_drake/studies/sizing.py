@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -150,7 +151,12 @@ class Sizing(Input):
         """The catalogue of the motors."""
         return load_catalogue(self.device.catalogue)
 
-    @property
+    @cached_property
+    def limits(self) -> dict[str, float]:
+        """Limits of the requirements, see `Requirements.limits`."""
+        return self.requirements.limits(self.n)
+
+    @cached_property
     def masses(self) -> dict[str, float]:
         """Masses of the catalogue's motors [kg], by id."""
         return {motor.id: motor.mass for motor in self.catalogue.motors}

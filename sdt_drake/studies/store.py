@@ -1,4 +1,4 @@
-"""The database of a study: its metadata, and each row as it finishes.
+"""The database of a study: what the study is, and each row as it finishes.
 
 A row is written whole or not at all, even if the process is killed.
 """
@@ -7,39 +7,39 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
-from math import inf
+from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import AfterValidator, TypeAdapter
 
 from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.files import replacing
 from sdt_drake.studies.fields import Value
-from sdt_drake.studies.table import STATUSES, Row
+from sdt_drake.studies.table import STATUSES, Row, pandas
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DATABASE = "study.sqlite"
 ABOUT = "sdt_drake"
-"""Key of the study's metadata in its Parquet export."""
-
-ROWS_OF_0_3 = "rows.jsonl"
-"""File of rows of an unfinished study of version 0.3 or older."""
+"""Key of the study's `About` in the metadata of its Parquet export."""
 
 RESULTS = "results.parquet"
 """Export of a finished study; it is read where the database is missing."""
 
-_KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
-_STORED: dict[type, set[type]] = {int: {int}, str: {str}, float: {float, type(None)}}
-"""Types of the stored values by type of the column; SQLite stores NaN as NULL."""
+_INFERRED = {"INTEGER": "integer", "TEXT": "string", "REAL": "floating"}
+"""Type of the values of a column in pandas, by its type in the database."""
+
 _LOCK_TIMEOUT = 60.0  # s; for another process that reads or writes a row
-_GROUP_ROWS = 4096  # rows in memory at the same time
+_GROUP_ROWS = 4096  # rows in memory as objects of Python
 _UNUSABLE = (
-    sqlite3.Error, ValueError, LookupError, TypeError, OverflowError, RecursionError, MemoryError,
+    sqlite3.Error, OSError, ValueError, LookupError, TypeError, OverflowError, RecursionError,
+    MemoryError,
 )  # fmt: skip
-_ABOUT = {
-    "inputs": list, "outcomes": list, "fingerprint": str, "versions": dict, "files": dict,
-    "contents": dict,
-}  # fmt: skip
 _COMPUTED = """
     SELECT count(*) FROM sqlite_master WHERE sql NOT LIKE 'CREATE TABLE %'
     UNION ALL SELECT count(*) FROM pragma_table_xinfo('study') WHERE hidden
@@ -47,16 +47,39 @@ _COMPUTED = """
 """
 
 
+def _inside(place: str) -> str:
+    if PurePath(place).is_absolute() or ".." in PurePath(place).parts:
+        raise ValueError(f"{place} is outside the folder")
+    return place
+
+
+_Place = Annotated[str, AfterValidator(_inside)]
+
+
+@dataclass(frozen=True)
+class About:
+    """A study's identity, and what computes its rows."""
+
+    contents: dict[_Place, str] = field(default_factory=dict)
+    """Identity of the study: equal contents give equal rows. Texts of study.yaml and scenario.yaml,
+    and SHA-256 of all other files, by place in the study's folder or package:// name."""
+    files: dict[str, _Place] = field(default_factory=dict)
+    """Place in the study's folder of each file outside the package, by its name in the study."""
+    versions: dict[str, str] = field(default_factory=dict)
+    """Versions of the packages that compute the rows."""
+
+
 class Store(AbstractContextManager["Store"]):
     """The open database of a study folder."""
 
     path: Path
     """Path of the file."""
-    about: dict[str, Any]
-    """Metadata of the study, as given to `create`."""
-    kinds: dict[str, type]
-    """Type of each column, int, float or str, by name: "row", inputs, "status", "reason",
-    "duration", outcomes."""
+    about: About
+    """Identity of the study, as given to `create`."""
+    input_names: list[str]
+    """Names of the inputs, as columns have them."""
+    outcome_names: list[str]
+    """Names of the outcomes, as columns have them."""
 
     def __init__(self, folder: Path) -> None:
         """Open the database of a folder.
@@ -69,19 +92,23 @@ class Store(AbstractContextManager["Store"]):
             self.path = folder / RESULTS
         if not self.path.is_file():
             raise InputError(
-                f"{folder}: contains an unfinished study of version 0.3 or older ({ROWS_OF_0_3}); "
-                "run it again into another folder"
-                if (folder / ROWS_OF_0_3).is_file()
-                else f"{folder}: contains no study, expected the folder of `sdt-drake study`"
+                f"{folder}: contains no study, expected the folder of `sdt-drake study`"
             )
         with self.reading():
             is_export = self.path.name == RESULTS
             self._database = _imported(self.path) if is_export else _connected(self.path)
-            _check_tables(self._database)
+            if any(count for (count,) in self._database.execute(_COMPUTED)):
+                raise ValueError("contains more than two tables of values")
             ((text,),) = self._database.execute("SELECT about FROM study")
+            self.about = TypeAdapter(About).validate_json(text)
             columns = self._database.execute("SELECT name, type FROM pragma_table_info('rows')")
-            self.kinds = {name: _KINDS[kind] for name, kind in columns}
-            self.about = _checked(json.loads(text), self.kinds)
+            self._kinds = dict(columns.fetchall())
+            names = [*self._kinds]
+            end = names.index("status")
+            self.input_names, self.outcome_names = names[1:end], names[end + 3 :]
+            texts = {name: self._kinds[name] == "TEXT" for name in self.input_names}
+            if [*self._kinds.items()] != [*_columns(texts, self.outcome_names).items()]:
+                raise ValueError("its columns are not those of inputs and outcomes")
 
     def __exit__(self, *_: object) -> None:
         self._database.close()
@@ -99,10 +126,8 @@ class Store(AbstractContextManager["Store"]):
 
     def inputs(self, number: int) -> dict[str, Value]:
         """Return the inputs of a row by name; empty if the row is not in the database."""
-        for columns in self._groups("SELECT * FROM rows WHERE row = ?", number):
-            row = zip(self.kinds, columns, strict=True)
-            return {name: value for name, (value,) in row if name in self.about["inputs"]}
-        return {}
+        found = self.runs(number)[self.input_names].to_dict("records")
+        return found[0] if found else {}
 
     def append(self, row: Row, inputs: Mapping[str, Value]) -> None:
         """Write a row and wait until it is on the disk.
@@ -110,7 +135,7 @@ class Store(AbstractContextManager["Store"]):
         Raises:
             InputError: if that fails. Earlier rows stay.
         """
-        outcomes = row.outcomes or (None,) * len(self.about["outcomes"])
+        outcomes = row.outcomes or (None,) * len(self.outcome_names)
         values = (row.number, *inputs.values(), row.status, row.reason, row.duration, *outcomes)
         marks = ",".join("?" * len(values))  # SQLite stores NaN as NULL
         try:
@@ -121,17 +146,39 @@ class Store(AbstractContextManager["Store"]):
                 "continue with --resume"
             ) from None
 
-    def groups(self) -> Iterator[list[tuple[Any, ...]]]:
-        """Yield the columns of all rows, sorted by number, in groups of 4096 rows."""
-        return self._groups("SELECT * FROM rows ORDER BY row")
+    def runs(self, number: int | None = None) -> pd.DataFrame:
+        """Return the finished runs in the order of their rows.
 
-    def _groups(self, query: str, *values: int) -> Iterator[list[tuple[Any, ...]]]:
+        Args:
+            number: the only row to return; None for all.
+
+        Returns:
+            The table that `StudyTable.runs` describes.
+
+        Raises:
+            InputError: for values that no run writes.
+        """
+        pd, where = pandas(), "" if number is None else f"WHERE row = {number:d}"
+        query = f"SELECT * FROM rows {where} ORDER BY row"
         with self.reading():
-            cursor = self._database.execute(query, values)
-            while group := cursor.fetchmany(_GROUP_ROWS):
-                columns = [*zip(*group, strict=True)]
-                _check_rows(dict(zip(self.kinds, columns, strict=True)), self.kinds)
-                yield columns
+            parts = pd.read_sql_query(query, self._database, chunksize=_GROUP_ROWS)
+            return pd.concat(map(self._checked, parts)).set_index("row")
+
+    def _checked(self, runs: pd.DataFrame) -> pd.DataFrame:
+        """Return rows with numbers as floats; SQLite stores any value in any column."""
+        infer = pandas().api.types.infer_dtype
+        numbers = [name for name, kind in self._kinds.items() if kind == "REAL"]
+        for name, kind in self._kinds.items():
+            values = runs[name].dropna() if name in numbers else runs[name]  # NULL stands for NaN
+            is_kind = infer(values, skipna=False) in (_INFERRED[kind], "empty")
+            if not is_kind or values.isna().any():
+                raise ValueError(f"{name} contains other values than those of a run")
+        if others := {*runs["status"]} - {*STATUSES}:
+            raise ValueError(f"status {min(others)!r}, expected one of {', '.join(STATUSES)}")
+        runs = runs.astype(dict.fromkeys(numbers, float))
+        if np.isinf(runs[numbers]).any(axis=None):
+            raise ValueError("contains infinite numbers")
+        return runs
 
     @contextmanager
     def reading(self) -> Iterator[None]:
@@ -147,71 +194,39 @@ class Store(AbstractContextManager["Store"]):
             ) from None
 
 
-def create(folder: Path, about: Mapping[str, Any], texts: Mapping[str, bool]) -> None:
+def create(folder: Path, about: About, texts: Mapping[str, bool], outcomes: Sequence[str]) -> None:
     """Write a database without rows.
 
     Args:
         folder: folder of the study.
-        about: metadata that JSON can hold; "outcomes" are the names of the outcomes.
+        about: identity of the study.
         texts: for each input, whether its values are texts.
+        outcomes: names of the outcomes.
 
     Raises:
         InputError: if it cannot be written, or two inputs differ only in upper and lower case.
     """
     with replacing(folder / DATABASE) as partial, closing(sqlite3.connect(partial)) as database:
+        columns = _columns(texts, outcomes) | {"row": "INTEGER PRIMARY KEY"}
+        quoted = (f'"{name.replace(chr(34), 2 * chr(34))}" {x}' for name, x in columns.items())
         try:
-            _fill(database, about, texts)
+            database.execute(f"CREATE TABLE rows ({', '.join(quoted)})")
+            _describe(database, json.dumps(asdict(about)))
             database.commit()
         except sqlite3.Error as error:
             raise InputError(f"{folder}: cannot begin a study here ({error})") from None
 
 
-def _fill(
-    database: sqlite3.Connection, about: Mapping[str, Any], texts: Mapping[str, bool]
-) -> None:
-    columns = {"row": "INTEGER PRIMARY KEY"}
-    columns |= {name: "TEXT" if is_text else "REAL" for name, is_text in texts.items()}
-    columns |= {"status": "TEXT", "reason": "TEXT", "duration": "REAL"}
-    columns |= dict.fromkeys(about["outcomes"], "REAL")
-    quoted = (f'"{name.replace(chr(34), 2 * chr(34))}" {kind}' for name, kind in columns.items())
+def _columns(texts: Mapping[str, bool], outcomes: Sequence[str]) -> dict[str, str]:
+    """Return the type of each column in the database, by name."""
+    inputs = {name: "TEXT" if is_text else "REAL" for name, is_text in texts.items()}
+    own = {"status": "TEXT", "reason": "TEXT", "duration": "REAL"}
+    return {"row": "INTEGER", **inputs, **own, **dict.fromkeys(outcomes, "REAL")}
+
+
+def _describe(database: sqlite3.Connection, about: str) -> None:
     database.execute("CREATE TABLE study (about TEXT)")
-    database.execute("INSERT INTO study VALUES (?)", (json.dumps(about),))
-    database.execute(f"CREATE TABLE rows ({', '.join(quoted)})")
-
-
-def _check_tables(database: sqlite3.Connection) -> None:
-    """Raise ValueError for views and computed columns, whose evaluation might never end."""
-    if any(count for (count,) in database.execute(_COMPUTED)):
-        raise ValueError("contains more than two tables of values")
-
-
-def _check_rows(columns: Mapping[str, tuple[Any, ...]], kinds: Mapping[str, type]) -> None:
-    """Raise ValueError for values that no run writes; SQLite stores any value in any column."""
-    for name, values in columns.items():
-        if not set(map(type, values)) <= _STORED[kinds[name]] or {inf, -inf} & {*values}:
-            raise ValueError(f"{name} contains values that are no {kinds[name].__name__}")
-    if others := {*columns["status"]} - {*STATUSES}:
-        raise ValueError(f"status {min(others)!r}, expected one of {', '.join(STATUSES)}")
-
-
-def _checked(about: dict[str, Any], kinds: Mapping[str, type]) -> dict[str, Any]:
-    """Return the metadata with defaults for missing entries; check types, columns and paths."""
-    about = {name: kind() for name, kind in _ABOUT.items()} | about
-    for name, kind in _ABOUT.items():
-        if not isinstance(about[name], kind):
-            raise ValueError(f"{name} is not a {kind.__name__}")
-        inner = about[name].values() if kind is dict else about[name]
-        if not all(isinstance(text, str) for text in inner):
-            raise ValueError(f"{name} contains other values than texts")
-    columns = {"row": int, **{name: kinds.get(name) for name in about["inputs"]}}
-    columns |= {"status": str, "reason": str, "duration": float}
-    columns |= dict.fromkeys(about["outcomes"], float)
-    if [*columns.items()] != [*kinds.items()]:
-        raise ValueError("its columns are not those of its inputs and outcomes")
-    for place in (*about["files"].values(), *about["contents"]):
-        if PurePath(place).is_absolute() or ".." in PurePath(place).parts:
-            raise ValueError(f"{place} is outside the folder")
-    return about
+    database.execute("INSERT INTO study VALUES (?)", (about,))
 
 
 def _connected(path: Path) -> sqlite3.Connection:
@@ -227,13 +242,10 @@ def _imported(results: Path) -> sqlite3.Connection:
     metadata = table.schema.metadata or {}
     if ABOUT.encode() not in metadata:
         raise ValueError("written by another program")
+    database = sqlite3.connect(":memory:")
+    table.to_pandas().to_sql("rows", database, index=False)
     about = json.loads(metadata[ABOUT.encode()])
     if (old := results.with_name("state.json")).is_file():  # version 0.3 wrote it
-        about |= {"contents": {}} | json.loads(old.read_text(encoding="utf-8"))
-    database = sqlite3.connect(":memory:")
-    texts = {name: f"{table[name].type}" == "string" for name in about["inputs"]}
-    _fill(database, about, texts)
-    marks = ",".join("?" * table.num_columns)
-    values = zip(*(column.to_pylist() for column in table.columns), strict=True)
-    database.executemany(f"INSERT INTO rows VALUES ({marks})", values)
+        about |= json.loads(old.read_text(encoding="utf-8"))
+    _describe(database, json.dumps(about))
     return database

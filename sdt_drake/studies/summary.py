@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
+from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, pandas
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PERCENTS = (5, 25, 50, 75, 95, 99, 100)
 """Percentages of the percentiles in tables; 100 is the largest value."""
@@ -30,36 +32,37 @@ _BLOCKS = 20  # number of blocks in the jackknife
 # --- counts ----------------------------------------------------------------------------------
 
 
-class Reason(NamedTuple):
-    """A reason for which runs are not ok."""
-
-    text: str
-    """Text of the reason, with an ellipsis for each number that differs between the runs."""
-    runs: int
-    """Number of runs."""
-    row: int
-    """Number of the first of these rows."""
+def count_statuses(table: StudyTable) -> pd.Series:
+    """Return the number of runs by status, in the order of STATUSES; none without runs."""
+    counts = table.status.value_counts()
+    return counts.reindex([status for status in STATUSES if status in counts])
 
 
-class StatusCount(NamedTuple):
-    """The runs of one status."""
-
-    status: str
-    """One of STATUSES."""
-    runs: int
-    """Number of runs."""
-    reasons: list[Reason]
-    """Reasons of the status, the most frequent first."""
+# Numbers of joints are not matched: the same event at joint 1 and at joint 2 is two reasons.
+_NUMBER = re.compile(r"(?<!joint )(?<![\w.])([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?!\w)")
 
 
-def count_statuses(table: StudyTable, most_reasons: int = 3) -> list[StatusCount]:
-    """Count the runs and the reasons of each status; statuses without runs are left out."""
-    parts = {status: table.select(table.status == status) for status in STATUSES}
-    return [
-        StatusCount(status, len(part), _reasons(part)[:most_reasons])
-        for status, part in parts.items()
-        if len(part)
-    ]
+def reasons(table: StudyTable, status: str) -> pd.DataFrame:
+    """Return the reasons of a status, the most frequent first.
+
+    Returns:
+        A reason in each row. Columns: `reason`, the text with an ellipsis for each number that
+        differs between its runs; `runs`, their number; `row`, the number of the first.
+    """
+    texts = table.runs["reason"][table.status == status].rename("reason")
+    alike = texts[texts != ""].groupby(texts.map(_without_numbers), sort=False)
+    found = alike.agg([("reason", _common), ("runs", "size"), ("row", lambda own: own.index[0])])
+    return found.sort_values("runs", ascending=False, kind="stable", ignore_index=True)
+
+
+def _without_numbers(text: str) -> str:
+    return _NUMBER.sub("…", text)
+
+
+def _common(texts: Iterable[str]) -> str:
+    """Merge texts that differ in numbers into one, with an ellipsis for each such number."""
+    pieces = zip(*map(_NUMBER.split, texts), strict=True)  # words, number, words, ...
+    return "".join(same[0] if len(set(same)) == 1 else "…" for same in pieces)
 
 
 def failures(table: StudyTable) -> str:
@@ -67,34 +70,11 @@ def failures(table: StudyTable) -> str:
     texts = []
     if table.missing:
         texts.append(f"{table.missing} of {len(table) + table.missing} runs are not finished")
-    for status, runs, reasons in count_statuses(table, most_reasons=1):
-        if status not in ANSWERS:
-            why = f": {reasons[0].text} (row {reasons[0].row})" if reasons else ""
-            texts.append(f"{runs} of {len(table)} runs {status.replace('_', ' ')}{why}")
+    for status, runs in count_statuses(table).drop([*ANSWERS], errors="ignore").items():
+        first = reasons(table, status).head(1).itertuples()
+        why = "".join(f": {one.reason} (row {one.row})" for one in first)
+        texts.append(f"{runs} of {len(table)} runs {status.replace('_', ' ')}{why}")
     return "; ".join(texts)
-
-
-# Numbers of joints are not matched: the same event at joint 1 and at joint 2 is two reasons.
-_NUMBER = re.compile(r"(?<!joint )(?<![\w.])([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?!\w)")
-
-
-def _reasons(table: StudyTable) -> list[Reason]:
-    """Return the reasons of the runs, most frequent first. Numbers in them may differ."""
-    alike: dict[tuple[str, ...], list[int]] = {}
-    pieces = [_NUMBER.split(str(text)) for text in table.reason]  # words, number, words, ...
-    for i, words in enumerate(pieces):
-        alike.setdefault(tuple(words[::2]), []).append(i)
-    reasons = [
-        Reason(_common([pieces[i] for i in runs]), len(runs), int(table.row[runs[0]]))
-        for words, runs in alike.items()
-        if any(words)
-    ]
-    return sorted(reasons, key=lambda reason: -reason.runs)
-
-
-def _common(texts: Sequence[Sequence[str]]) -> str:
-    """Merge texts of equal length into one, with an ellipsis for each part that differs."""
-    return "".join(same[0] if len(set(same)) == 1 else "…" for same in zip(*texts, strict=True))
 
 
 # --- distributions ---------------------------------------------------------------------------
@@ -117,19 +97,19 @@ def percentiles(
         Percentiles, shape (K,); NaN if no run has the outcome.
     """
     values = values_of(table, outcome)
-    if not len(values):
+    if values.empty:
         return np.full(np.shape(percents), np.nan)
     return np.percentile(values, percents, method="inverted_cdf")
 
 
-def usable(table: StudyTable, *outcomes: str) -> NDArray[np.bool_]:
-    """Return the mask of runs that are ok and have a number for all outcomes, shape (N,)."""
-    return np.all([table.ok, *(np.isfinite(table.outcome(name)) for name in outcomes)], axis=0)
+def usable(table: StudyTable, *outcomes: str) -> pd.Series:
+    """Return the mask of runs that are ok and have a number for all outcomes."""
+    return np.logical_and.reduce([table.ok, *(table.outcome(name).notna() for name in outcomes)])
 
 
-def values_of(table: StudyTable, outcome: str) -> Array:
+def values_of(table: StudyTable, outcome: str) -> pd.Series:
     """Return an outcome of the runs that are ok and have it, in its unit."""
-    return table.outcome(outcome)[usable(table, outcome)]
+    return table.outcome(outcome)[table.ok].dropna()
 
 
 def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
@@ -137,8 +117,7 @@ def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
 
     Equal runs stay in their order. Arguments are those of `percentiles`.
     """
-    runs = table.select(usable(table, outcome))
-    return runs.select(np.argsort(-runs.outcome(outcome), kind="stable")[:count])
+    return table.select(values_of(table, outcome).nlargest(count).index)
 
 
 # --- sensitivities ---------------------------------------------------------------------------
@@ -146,14 +125,7 @@ def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
 
 def varied(table: StudyTable) -> list[str]:
     """Return the names of the inputs that differ between runs."""
-    return [name for name, values in table.inputs.items() if _differ(values)]
-
-
-def _differ(values: NDArray[Any]) -> bool:
-    if is_text(values):
-        return len(levels_of(values)) > 1
-    finite = values[np.isfinite(values)]
-    return len(finite) > 0 and np.ptp(finite) > 0
+    return [name for name, values in table.inputs.items() if values.nunique() > 1]
 
 
 class Share(NamedTuple):
@@ -165,19 +137,24 @@ class Share(NamedTuple):
     """Standard error [-]."""
 
 
-def sensitivity(table: StudyTable, outcome: str) -> dict[str, Share]:
+def sensitivity(table: StudyTable, outcome: str) -> pd.DataFrame:
     """Return the share of an outcome's variance that each input explains alone, largest first.
 
     See `explained_share`. Constant inputs are left out. A single varied input explains everything,
     since runs are deterministic. The difference between the sum and 1 comes from interactions of
     inputs and from the width of bins. Arguments are those of `percentiles`.
+
+    Returns:
+        An input in each row, its name as index. Columns: `value` and `error`, those of `Share` [-].
     """
     runs = table.select(usable(table, outcome))
-    y = runs.outcome(outcome)
-    shares = {name: explained_share(runs.inputs[name], y, runs.draw) for name in varied(runs)}
+    y, draw = runs.outcome(outcome).to_numpy(), runs.runs.index.to_numpy() // runs.per_draw
+    inputs = runs.inputs[varied(runs)]
+    shares = {x: explained_share(values.to_numpy(), y, draw) for x, values in inputs.items()}
     if len(shares) == 1 and _varies(y):
-        return dict.fromkeys(shares, Share(1.0, 0.0))
-    return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1].value, nan=-np.inf)))
+        shares = dict.fromkeys(shares, Share(1.0, 0.0))
+    found = pandas().DataFrame(shares.values(), shares, Share._fields, dtype=float)
+    return found.sort_values("value", ascending=False, kind="stable")
 
 
 def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = None) -> Share:
@@ -210,11 +187,11 @@ def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = 
     >>> explained_share(np.array([0, 0, 1, 1]), np.array([0.0, 2.0, 6.0, 8.0]), np.zeros(4, int))
     Share(value=0.9, error=0.0)
     """
-    if is_text(x):
-        x = x.astype(str)
-    else:
+    if x.dtype.kind in "iuf":
         finite = np.isfinite(x)
         x, y, draw = x[finite], y[finite], None if draw is None else draw[finite]
+    else:
+        x = x.astype(str)
     _, first, own = np.unique(np.arange(len(y)) if draw is None else draw, True, True)
     if np.any(x != x[first][own]):
         _, group, runs = np.unique(x, False, True, True)
@@ -264,47 +241,36 @@ def _groups(x: NDArray[Any]) -> tuple[NDArray[np.int64], int]:
     """Return the number of each run's group, shape (N,), and the number of groups."""
     levels, group = np.unique(x, return_inverse=True)
     bins = min(_MAX_BINS, round(np.sqrt(len(x))))
-    if not is_text(x) and len(levels) > bins:
+    if x.dtype.kind in "iuf" and len(levels) > bins:
         edges = np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1])
         # Equal numbers get into the same bin, so that some bins may be empty.
         levels, group = np.unique(np.searchsorted(edges, x, side="right"), return_inverse=True)
     return group, len(levels)
 
 
-@dataclass(frozen=True)
-class TornadoSwing:
-    """The change of an outcome's mean over the range of one input."""
+def tornado(table: StudyTable, outcome: str) -> pd.DataFrame:
+    """Return how much each input changes the mean of an outcome, the widest change first.
 
-    name: str
-    """Name of the input."""
-    low: float
-    """Mean in the lowest fifth of a numeric input, or the lowest mean of a level of texts."""
-    high: float
-    """Mean in the highest fifth of a numeric input, or the highest mean of a level of texts."""
-    low_level: str = ""
-    """Level with the lowest mean; "" for numbers."""
-    high_level: str = ""
-    """Level with the highest mean; "" for numbers."""
+    Arguments are those of `percentiles`.
 
-    @property
-    def width(self) -> float:
-        """Distance between the two means, in the unit of the outcome."""
-        return abs(self.high - self.low)
-
-
-def tornado(table: StudyTable, outcome: str) -> list[TornadoSwing]:
-    """Return the swing of each input, the widest first. Arguments are those of `percentiles`."""
+    Returns:
+        An input in each row, its name as index. Columns, in the unit of the outcome: `low` and
+        `high`, the means in the lowest and the highest fifth of numbers, or the lowest and the
+        highest mean of a level of texts; `width`, their distance. `low_level` and `high_level` are
+        these levels, "" for numbers.
+    """
     runs = table.select(usable(table, outcome))
     y = runs.outcome(outcome)
-    swings = [_swing(name, runs.inputs[name], y) for name in varied(runs)]
-    return sorted(swings, key=lambda swing: -swing.width)
+    swings = {name: _swing(runs.runs[name], y) for name in varied(runs)}
+    columns = ["low", "high", "low_level", "high_level"]
+    found = pandas().DataFrame(swings.values(), swings, columns)
+    found["width"] = (found["high"] - found["low"]).abs()
+    return found.sort_values("width", ascending=False, kind="stable")
 
 
-def _swing(name: str, x: NDArray[Any], y: Array) -> TornadoSwing:
+def _swing(x: pd.Series, y: pd.Series) -> tuple[float, float, str, str]:
     if is_text(x):
-        texts = x.astype(str)
-        means = {level: float(y[texts == level].mean()) for level in levels_of(x)}
-        low, high = min(means, key=means.__getitem__), max(means, key=means.__getitem__)
-        return TornadoSwing(name, means[low], means[high], low, high)
-    low, high = np.nanquantile(x, [_TAIL, 1 - _TAIL])
-    return TornadoSwing(name, float(y[x <= low].mean()), float(y[x >= high].mean()))
+        means = y.groupby(x.astype(str), sort=False).mean()
+        return means.min(), means.max(), means.idxmin(), means.idxmax()
+    low, high = x.quantile([_TAIL, 1 - _TAIL])
+    return y[x <= low].mean(), y[x >= high].mean(), "", ""

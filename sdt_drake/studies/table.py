@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.metrics import METRICS, family_of
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Mask
+from sdt_drake.io.errors import needing
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 
@@ -43,25 +48,34 @@ _CONTROLLER = ("controller", "controller.kind")  # inputs whose levels need no e
 _MAX_GROUPS = 8  # groups that a figure can show
 
 
+def pandas() -> Any:
+    """Import pandas, which takes 0.2 s.
+
+    Raises:
+        InputError: pandas is not installed.
+    """
+    with needing("studies need pandas", "sdt_drake[study]"):
+        import pandas
+    return pandas
+
+
 @dataclass(frozen=True, eq=False)
 class StudyTable:
-    """Inputs and outcomes of N runs of a study."""
+    """The finished runs of a study."""
 
     name: str
     """Name of the study."""
-    row: NDArray[np.int64]
-    """Number of each run's row, shape (N,)."""
-    inputs: dict[str, NDArray[Any]]
-    """Numbers or texts by name of the variable, shape (N,) each."""
-    outcomes: dict[str, Array]
-    """Outcomes by name, which ends with _k for joint k = 1..n, shape (N,) each; NaN where a run has
-    none. `METRICS` has the names; angles are in rad, shares between 0 and 1."""
-    status: NDArray[np.str_]
-    """One of STATUSES for each run, shape (N,)."""
-    reason: NDArray[Any]
-    """Reason of each run's status, "" if it is ok, shape (N,)."""
-    duration: Array
-    """Computing times [s], shape (N,)."""
+    runs: pd.DataFrame
+    """A run in each row; the index `row` is its number in the study.
+
+    The inputs come first, by name of the variable: texts, or numbers in the unit of their field.
+    Then come status, one of STATUSES, reason, "" if the run is ok, and duration, the computing time
+    [s]. The outcomes are last, NaN where a run has none. Their names are those of `METRICS`, with
+    _k for joint k = 1..n. Speeds are in rad/s and angles in rad, joint side; shares are between 0
+    and 1 [-].
+    """
+    input_names: tuple[str, ...]
+    """Names of the columns of inputs."""
     choices: tuple[str, ...] | None = None
     """Names of the inputs that a designer chooses; the others are uncertain. None if uncertain
     inputs are drawn at random, since designs can then not be compared."""
@@ -71,44 +85,60 @@ class StudyTable:
     """Number of runs that are not finished."""
 
     def __len__(self) -> int:
-        return len(self.row)
+        return len(self.runs)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return `runs`, which may be changed then."""
+        return self.runs.copy()
 
     @property
-    def ok(self) -> NDArray[np.bool_]:
-        """Mask of the runs that are ok, shape (N,)."""
+    def inputs(self) -> pd.DataFrame:
+        """The columns of inputs."""
+        return self.runs[list(self.input_names)]
+
+    @property
+    def outcomes(self) -> pd.DataFrame:
+        """The columns of outcomes."""
+        return self.runs[self.outcome_names]
+
+    @cached_property
+    def outcome_names(self) -> list[str]:
+        """Names of the columns of outcomes."""
+        return [*self.runs][len(self.input_names) + len(RUN_COLUMNS) - 1 :]
+
+    @property
+    def status(self) -> pd.Series:
+        """Status of each run."""
+        return self.runs["status"]
+
+    @property
+    def ok(self) -> pd.Series:
+        """Mask of the runs that are ok."""
         return self.status == "ok"
-
-    @property
-    def draw(self) -> NDArray[np.int64]:
-        """Number of each run's draw, shape (N,)."""
-        return self.row // self.per_draw
 
     @property
     def families(self) -> list[str]:
         """Names of the outcomes without numbers of joints, in the order of the table."""
-        return list(dict.fromkeys(family_of(name)[0] for name in self.outcomes))
+        return list(dict.fromkeys(family_of(name)[0] for name in self.outcome_names))
 
     def joints(self, family: str) -> list[int]:
         """Return the joints k = 1..n that have an outcome; [] for one of the whole device."""
-        both = map(family_of, self.outcomes)
+        both = map(family_of, self.outcome_names)
         return sorted(k for stem, k in both if stem == family and k is not None)
 
-    def outcome(self, name: str) -> Array:
-        """Return an outcome, shape (N,); for a family, the one of each run's worst joint."""
-        joints = self.joints(name)
-        if not joints:
-            return self.outcomes[name]
-        # fmax ignores NaN unless all joints have NaN.
-        return np.fmax.reduce([self.outcomes[f"{name}_{k}"] for k in joints])
+    def outcome(self, name: str) -> pd.Series:
+        """Return an outcome of each run; for a family, the one of the run's worst joint."""
+        members = [f"{name}_{k}" for k in self.joints(name)] or [name]
+        return self.runs[members].max(axis=1)
 
-    def worst_joint(self, family: str) -> NDArray[np.int64]:
-        """Return the joint k = 1..n with the largest value of a family in each run, shape (N,).
+    def worst_joint(self, family: str) -> pd.Series:
+        """Return the joint k = 1..n with the largest value of a family in each run.
 
         The family must have joints, and every run a number for it.
         """
         joints = self.joints(family)
-        values = np.stack([self.outcomes[f"{family}_{k}"] for k in joints])
-        return np.array(joints)[np.argmax(np.nan_to_num(values, nan=-np.inf), axis=0)]
+        members = self.runs[[f"{family}_{k}" for k in joints]].set_axis(joints, axis=1)
+        return members.fillna(-math.inf).idxmax(axis=1)
 
     def place(self, name: str) -> str:
         """Return an outcome's place: "joint 2", "worst joint" for a family, "" for the device."""
@@ -117,14 +147,9 @@ class StudyTable:
             return f"joint {joint}"
         return "worst joint" if self.joints(name) else ""
 
-    def select(self, runs: NDArray[np.bool_] | NDArray[np.int64]) -> StudyTable:
-        """Return the table of some runs, given by a mask of shape (N,) or by indices."""
-        return replace(
-            self,
-            inputs={name: values[runs] for name, values in self.inputs.items()},
-            outcomes={name: values[runs] for name, values in self.outcomes.items()},
-            **{name: getattr(self, name)[runs] for name in RUN_COLUMNS},
-        )
+    def select(self, runs: Any) -> StudyTable:
+        """Return the table of some runs, given by a mask or by their numbers."""
+        return replace(self, runs=self.runs.loc[runs])
 
     @cached_property
     def by(self) -> str | None:
@@ -132,31 +157,30 @@ class StudyTable:
 
         It is the controller, or else the first input with 2 to 8 levels.
         """
-        levels = {name: levels_of(x) for name, x in self.inputs.items() if is_text(x)}
-        names = (name for name, own in levels.items() if 1 < len(own) <= _MAX_GROUPS)
+        texts = (name for name, values in self.inputs.items() if is_text(values))
+        names = (name for name in texts if 1 < self.runs[name].nunique() <= _MAX_GROUPS)
         return min(names, key=lambda name: not name.startswith("controller"), default=None)
 
     @cached_property
-    def group(self) -> NDArray[np.str_]:
-        """Name of each run's group, shape (N,); ALL_RUNS without `by`.
+    def group(self) -> pd.Series:
+        """Name of each run's group; ALL_RUNS without `by`.
 
         It is the level of the input `by`, such as "pi", or "anti_windup true" for other inputs than
         the controller.
         """
         if self.by is None:
-            return np.full(len(self), ALL_RUNS)
-        levels, what = self.inputs[self.by].astype(str), self.by.rpartition(".")[2]
-        return levels if self.by in _CONTROLLER else np.char.add(f"{what} ", levels)
+            return self.status.map(lambda _: ALL_RUNS)
+        levels, what = self.runs[self.by].astype(str), self.by.rpartition(".")[2]
+        return levels if self.by in _CONTROLLER else f"{what} " + levels
 
     @cached_property
     def groups(self) -> dict[str, StudyTable]:
         """Tables of the groups, by name of the `group`."""
-        if self.by is None:
-            return {ALL_RUNS: self}
-        return {name: self.select(self.group == name) for name in levels_of(self.group)}
+        parts = self.runs.groupby(self.group, sort=False)
+        return {name: replace(self, runs=part) for name, part in parts}
 
-    def designs(self, *outcomes: str) -> tuple[NDArray[np.int64], list[Array]]:
-        """Return the first run of each accepted design, and the design's largest outcomes.
+    def designs(self, *outcomes: str) -> pd.DataFrame:
+        """Return the accepted designs with their largest outcomes over all runs of the design.
 
         A design is a combination of the inputs in `choices`. It is accepted if all of its runs are
         ok and have these outcomes.
@@ -165,18 +189,15 @@ class StudyTable:
             outcomes: names of outcomes, or of families for the worst joint.
 
         Returns:
-            Indices of the first runs, shape (D,), and for each outcome the largest value over a
-            design's runs, shape (D,).
+            A design in each row; the index `row` is the number of its first run. Columns are the
+            choices, then the outcomes in the units of `runs`.
         """
-        runs: dict[tuple[Any, ...], list[int]] = {}
-        columns = [self.inputs[name].tolist() for name in self.choices or ()]
-        for i, choice in enumerate(zip(*columns, strict=True)):
-            runs.setdefault(choice, []).append(i)
-        values = [np.where(self.ok, self.outcome(name), np.nan) for name in outcomes]
-        worst = [np.array([one[own].max() for own in runs.values()]) for one in values]
-        accepted = np.isfinite(worst).all(axis=0)
-        first = np.array([own[0] for own in runs.values()], dtype=np.int64)
-        return first[accepted], [one[accepted] for one in worst]
+        choices = list(self.choices or ())
+        values = {x: self.outcome(x).where(self.ok).fillna(math.inf) for x in outcomes}
+        runs = self.runs[choices].assign(**values).reset_index()
+        wanted = {"row": "first", **dict.fromkeys(outcomes, "max")}
+        designs = runs.groupby(choices, sort=False, as_index=False).agg(wanted).set_index("row")
+        return designs[(designs[list(outcomes)] < math.inf).all(axis=1)]
 
 
 def is_column(name: str) -> bool:
@@ -184,17 +205,12 @@ def is_column(name: str) -> bool:
     return name in RUN_COLUMNS or family_of(name)[0] in METRICS
 
 
-def is_text(values: NDArray[Any]) -> bool:
+def is_text(values: pd.Series) -> bool:
     """Return whether an input consists of texts; truth values count as texts."""
     return values.dtype.kind not in "iuf"
 
 
-def levels_of(values: NDArray[Any]) -> list[str]:
-    """Return the different texts of an input in the order of the runs."""
-    return list(dict.fromkeys(map(str, values.tolist())))
-
-
-def pareto(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
+def pareto(cost: ArrayLike, error: ArrayLike) -> Mask:
     """Return the mask of the Pareto front: points that no other point dominates, shape (N,).
 
     A point dominates if it has less of one quantity and not more of the other. So equal points are

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.analysis.metrics import family_of, metric_of
-from sdt_drake.io.results import Results
+from sdt_drake.io.arrays import Mask
 from sdt_drake.io.shown import listed
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
-from sdt_drake.studies.table import ANSWERS, StudyTable, pareto
+from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, pandas, pareto
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _DECIMALS = 3  # decimals of a speed error [rad/s]; the accuracy of a study
 _ROUND_OFF = 1e-9  # allowed excess of an outcome: the planner uses limits fully
@@ -61,60 +63,51 @@ def judge_candidates(sizing: Sizing, table: StudyTable) -> list[Verdict]:
         sizing: the sizing that was run.
         table: runs of `sizing.study()`; some may be missing.
     """
-    mass = sizing.masses
-    names = [*(f"motor_{k + 1}" for k in range(sizing.n)), "structure_scale"]
-    columns = (table.inputs[name].tolist() for name in (*names, "controller", "motion"))
-    rows: dict[tuple[Candidate, str], dict[str, int]] = {}
-    for i, (*motors, scale, controller, motion) in enumerate(zip(*columns, strict=True)):
-        rows.setdefault((Candidate(tuple(motors), scale), controller), {})[motion] = i
+    motors = {f"motor_{k + 1}": ids for k, ids in enumerate(sizing.motors)}
+    levels: dict[str, Sequence[object]] = {"controller": sizing.controllers, **motors}
+    levels |= {"structure_scale": sizing.structure_scales, "motion": sizing.motions}
+    every = pandas().MultiIndex.from_product(levels.values(), names=levels)
+    runs = table.runs.assign(error=table.outcome("max_abs_speed_error")).set_index([*levels])
+    rows = iter(runs.reindex(every).to_dict("records"))
+    motions = [short_name(motion) for motion in sizing.motions]
     return [
-        _verdict(sizing, table, candidate, controller, mass, rows.get((candidate, controller), {}))
+        _verdict(sizing, candidate, controller, dict(zip(motions, rows, strict=False)))
         for controller in sizing.controllers
         for candidate in candidates(sizing)
     ]
 
 
 def _verdict(
-    sizing: Sizing,
-    table: StudyTable,
-    candidate: Candidate,
-    controller: str,
-    mass: dict[str, float],
-    rows: dict[str, int],
+    sizing: Sizing, candidate: Candidate, controller: str, runs: Mapping[str, Mapping[str, Any]]
 ) -> Verdict:
-    """Return the verdict from the rows of a candidate with a controller, by motion."""
-    limits = sizing.requirements.limits(sizing.n)
+    """Return the verdict from the runs of a candidate with a controller, by motion."""
+    ran = {motion: run for motion, run in runs.items() if run["status"] == "ok"}
     missed, beyond = [], []
-    for motion in sizing.motions:
-        if motion not in rows:
-            missed.append(f"{short_name(motion)} has not been run")
-        elif table.status[rows[motion]] != "ok":
-            i = rows[motion]
-            status = table.status[i].replace("_", " ")
-            missed.append(f"{short_name(motion)} is {status}: {table.reason[i]}")
-            beyond.append(f"{short_name(motion)}, which is {status}")
-    ran = {motion: i for motion, i in rows.items() if table.status[i] == "ok"}
-    worst, used = {}, {}
-    for name, limit in limits.items():
-        values = {short_name(motion): float(table.outcomes[name][i]) for motion, i in ran.items()}
-        if values:
-            motion = max(values, key=lambda m: (math.isnan(values[m]), values[m]))
-            worst[name] = values[motion], motion
-            used[name] = _share(values[motion], limit)
-            if not values[motion] <= limit + _ROUND_OFF:  # true for NaN, too
-                missed.append(_missed(name, *worst[name], limit))
-                beyond.append(name)
-    errors = [table.outcome("max_abs_speed_error")[i] for i in ran.values()]
+    for motion, run in runs.items():
+        if run["status"] not in STATUSES:
+            missed.append(f"{motion} has not been run")
+        elif motion not in ran:
+            status = run["status"].replace("_", " ")
+            missed.append(f"{motion} is {status}: {run['reason']}")
+            beyond.append(f"{motion}, which is {status}")
+    worst: dict[str, tuple[float, str]] = {}
+    for name, limit in sizing.limits.items() if ran else ():
+        values = {motion: run[name] for motion, run in ran.items()}
+        motion = max(values, key=lambda m: (math.isnan(values[m]), values[m]))
+        worst[name] = values[motion], motion
+        if not values[motion] <= limit + _ROUND_OFF:  # true for NaN, too
+            missed.append(_missed(name, *worst[name], limit))
+            beyond.append(name)
     return Verdict(
         candidate=candidate,
         controller=controller,
-        mass=math.fsum(mass[id_] for id_ in candidate.motors),  # exact in any order of motors
-        error=float(max(errors)) if len(ran) == len(sizing.motions) else math.nan,
+        mass=math.fsum(map(sizing.masses.__getitem__, candidate.motors)),  # exact in any order
+        error=max(run["error"] for run in ran.values()) if len(ran) == len(runs) else math.nan,
         worst=worst,
-        used=used,
+        used={name: _share(value, sizing.limits[name]) for name, (value, _) in worst.items()},
         missed=tuple(missed),
         beyond=tuple(beyond),
-        judged=all(m in rows and table.status[rows[m]] in ANSWERS for m in sizing.motions),
+        judged=all(run["status"] in ANSWERS for run in runs.values()),
     )
 
 
@@ -134,7 +127,7 @@ def _missed(name: str, value: float, motion: str, limit: float) -> str:
 # --- recommendations -------------------------------------------------------------------------
 
 
-def front_of(verdicts: Sequence[Verdict]) -> NDArray[np.bool_]:
+def front_of(verdicts: Sequence[Verdict]) -> Mask:
     """Return the mask of verdicts on the Pareto front of motor mass and speed error, shape (N,).
 
     Each controller has its own front, of the candidates that meet all requirements with it. Errors
@@ -258,24 +251,24 @@ def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
     return f"joint {joint}: {', '.join(parts)}"
 
 
-# --- files -----------------------------------------------------------------------------------
+def verdict_table(verdicts: Sequence[Verdict]) -> pd.DataFrame:
+    """Return the verdicts as a table, a candidate with a controller in each row.
 
-
-def write_verdicts(verdicts: Sequence[Verdict], path: str | Path) -> None:
-    """Write a CSV row for each candidate and controller: the worst of all motions, full precision.
-
-    Raises:
-        InputError: if the file cannot be written.
+    Columns are the controller, the candidate (`motor_k`, `structure_scale`), `motor_mass` of all
+    joints [kg], `front` (see `front_of`), the worst value of each required outcome over all
+    motions, in the units of `StudyTable.runs`, and `missed`, the requirements that are not met.
     """
-    motors = zip(*(v.candidate.motors for v in verdicts), strict=True)
-    columns: dict[str, ArrayLike] = {
-        "controller": [v.controller for v in verdicts],
-        **{f"motor_{k + 1}": ids for k, ids in enumerate(motors)},
-        "structure_scale": [v.candidate.structure_scale for v in verdicts],
-        "motor_mass": [v.mass for v in verdicts],
-        "front": front_of(verdicts),
-    }
-    for name in dict.fromkeys(name for v in verdicts for name in v.worst):
-        columns[name] = [f"{v.worst[name][0]}" if name in v.worst else "" for v in verdicts]
-    columns["missed"] = ["; ".join(v.missed) for v in verdicts]
-    Results({}, columns).write(Path(path))
+    rows = [
+        {
+            "controller": v.controller,
+            **{f"motor_{k + 1}": id_ for k, id_ in enumerate(v.candidate.motors)},
+            "structure_scale": v.candidate.structure_scale,
+            "motor_mass": v.mass,
+            "front": front,
+            **{name: value for name, (value, _) in v.worst.items()},
+            "missed": "; ".join(v.missed),
+        }
+        for v, front in zip(verdicts, front_of(verdicts), strict=True)
+    ]
+    found = pandas().DataFrame(rows)
+    return found[[name for name in found if name != "missed"] + ["missed"]]

@@ -33,13 +33,11 @@ from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.show.documents import read_svg
-from sdt_drake.studies.store import DATABASE, Store, create
+from sdt_drake.studies.store import DATABASE, About, Store, create
 from sdt_drake.studies.study import read_study
 
 TIME, Q = np.arange(5) * 0.005, np.zeros((5, 4))
-ABOUT = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
-ABOUT |= {"files": {}, "contents": {}}
-TEXTS = {"x": False}
+STUDY = About(), {"x": False}, ["y"]  # identity, inputs, outcomes
 
 FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n"
 FLIGHT += "".join(f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9))
@@ -61,7 +59,7 @@ def table(name: str) -> tuple[bytes, Callable[[Path], object]]:
 
 def read_store(path):
     with Store(path.parent) as store:
-        return store.about, store.done(), list(store.groups())
+        return store.about, store.done(), store.runs()
 
 
 READERS = {
@@ -79,7 +77,7 @@ READERS = {
     "table.mat": table("table.mat"),
     "table.parquet": table("table.parquet"),
     "picture.svg": (b"<svg xmlns='http://www.w3.org/2000/svg'><g/></svg>", read_svg),
-    DATABASE: (written(DATABASE, lambda path: create(path.parent, ABOUT, TEXTS)), read_store),
+    DATABASE: (written(DATABASE, lambda path: create(path.parent, *STUDY)), read_store),
 }
 """A file of each kind, and what reads it."""
 
@@ -179,9 +177,9 @@ def test_a_robot_includes_no_other_file(place, text, tmp_path):
 
 
 ABOUTS = [{"contents": {"../secret": ""}}, {"contents": {"/etc/passwd": ""}}, {"files": []}]
-ABOUTS += [{"files": {"own.py": "files/../../own.py"}}, {"outcomes": None}]
-ABOUTS += [{"contents": {"study.yaml": 5}}, {"outcomes": [["y"]]}, {"outcomes": ["z"]}]
-ABOUTS += [{"inputs": []}, {"versions": {"drake": 1}}, {"inputs": ["y"], "outcomes": ["x"]}]
+ABOUTS += [{"files": {"own.py": "files/../../own.py"}}, {"contents": {"study.yaml": 5}}]
+ABOUTS += [{"versions": {"drake": 1}}, {"versions": None}, []]
+COLUMNS = ["RENAME status TO x2", "DROP duration", "RENAME row TO z", "ADD z TEXT", "ADD z BLOB"]
 STATEMENTS = [
     "DROP TABLE rows; CREATE VIEW rows AS SELECT 0 AS row",
     "DROP TABLE study; CREATE TABLE study (x, about TEXT AS (hex(zeroblob(1e9))))",
@@ -195,10 +193,10 @@ ROWS += ["0, 1, 'ok', x'00', 1, 1", "0, 1, NULL, '', 1, 1", "0, 1, 'ok', '', 1, 
 
 @pytest.mark.parametrize("values", ROWS)
 def test_a_row_of_a_study_holds_what_a_run_writes(values, tmp_path):
-    create(tmp_path, ABOUT, TEXTS)
+    create(tmp_path, *STUDY)
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.execute(f"INSERT INTO rows VALUES ({values})")
-    read = [lambda store: [*store.groups()], lambda store: store.inputs(int(values.split(",")[0]))]
+    read = [Store.runs, lambda store: store.inputs(int(values.split(",")[0]))]
     for of in read:
         with Store(tmp_path) as store, pytest.raises(InputError, match="cannot be used"):
             of(store)
@@ -206,7 +204,7 @@ def test_a_row_of_a_study_holds_what_a_run_writes(values, tmp_path):
 
 @pytest.mark.parametrize("number", [-1, 2])
 def test_a_row_of_a_study_is_one_of_its_rows(number, tmp_path):
-    create(tmp_path, ABOUT, TEXTS)
+    create(tmp_path, *STUDY)
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.execute(f"INSERT INTO rows VALUES ({number}, 1, 'ok', '', 1, 1)")
     refused = pytest.raises(InputError, match=rf"\(row {number}, expected 0 to 1\)")
@@ -214,13 +212,16 @@ def test_a_row_of_a_study_is_one_of_its_rows(number, tmp_path):
         store.check_numbers(2)
 
 
-@pytest.mark.parametrize("statements", [*ABOUTS, *STATEMENTS])
+@pytest.mark.parametrize("statements", [*ABOUTS, *COLUMNS, *STATEMENTS])
 def test_a_study_has_its_files_in_its_folder_and_computes_nothing(statements, tmp_path):
     message = "more than two tables of values"
-    if isinstance(statements, dict):
-        statements = f"UPDATE study SET about = '{json.dumps(ABOUT | statements)}'"
+    if not isinstance(statements, str):
+        statements = f"UPDATE study SET about = '{json.dumps(statements)}'"
         message = r"study\.sqlite: cannot be used \("
-    create(tmp_path, ABOUT, TEXTS)
+    elif statements in COLUMNS:
+        statements = f"ALTER TABLE rows {statements}"
+        message = r"study\.sqlite: cannot be used \((its columns are not|'status' is not in list)"
+    create(tmp_path, *STUDY)
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.executescript(statements)
     with pytest.raises(InputError, match=message):

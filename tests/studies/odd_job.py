@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from sdt_drake.io.versions import versions
+from sdt_drake.studies.store import About
 from sdt_drake.studies.table import Row
 
 
@@ -26,8 +27,7 @@ class OddJob:
     acts: dict[int, str] = field(default_factory=dict)
     timeout: float = 30.0
     start: str = ""
-    fingerprint: str = "odd"
-    versions: dict[str, str] = field(default_factory=versions)
+    about: About = field(default_factory=lambda: About(versions=versions()))
 
     @property
     def study(self):

@@ -98,7 +98,8 @@ def test_a_study_survives_a_worker_and_reports_other_versions_and_a_lost_schedul
     job = make_job(*load_study("many.yaml"))
     for file in desk.glob("*.yaml"):
         file.unlink()
-    other = replace(job, versions=job.versions | {"drake": "1.0"})
+    versions = job.about.versions | {"drake": "1.0"}
+    other = replace(job, about=replace(job.about, versions=versions))
     with pytest.raises(InputError, match="that joined has drake"):
         run_row(other, 0, {})
     with distributed.LocalCluster(

@@ -1,5 +1,6 @@
 """`sdt-drake study` as a user meets it: what it refuses, what it shows, and nothing is lost."""
 
+import json
 import re
 import shutil
 import sqlite3
@@ -10,6 +11,7 @@ from small_studies import rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.run.simulate import Recording
+from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.store import DATABASE, Store
 
 
@@ -32,7 +34,6 @@ def change(folder, statement, *values):
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --out .", ".: contains other files, expected an empty folder"),
         ("few.yaml --resume", "few: no study to resume"),
-        ("show old", "old: contains an unfinished study of version 0.3 or older (rows.jsonl)"),
         ("show nowhere", "nowhere: contains no study"),
         ("repeat mc --row 16", "--row 16, expected 0 to 15"),
         ("many.yaml --out mc", "mc: contains this study; continue it with --resume"),
@@ -49,8 +50,6 @@ def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
     }.items():
         (desk / name).write_text(text)
     shutil.copytree(undisturbed, desk / "mc")
-    (desk / "old").mkdir()
-    (desk / "old" / "rows.jsonl").write_text("{}")
     assert message in refuse("study", *arguments.split())
 
 
@@ -61,7 +60,7 @@ def test_a_study_with_other_files_or_versions_is_another_study(refuse, desk, cop
     assert "contains another study, which differs in files/1/short.yaml; use" in said
     (desk / "short.yaml").write_text(motion)
     with Store(copied) as store:
-        drake = store.about["versions"]["drake"]
+        drake = store.about.versions["drake"]
     change(copied, "UPDATE study SET about = replace(about, ?, '1.0')", drake)
     said = refuse("study", "many.yaml", "--out", copied, "--resume")
     assert f"begun with drake 1.0 (here: {drake})" in said
@@ -84,13 +83,30 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
     assert message in refuse("study", "repeat", copied, "--row", "1")
 
 
-def test_a_study_with_more_time_for_its_runs_is_the_same(copied, files, capfd, undrawn):
+def test_a_study_with_more_time_for_its_runs_is_the_same(copied, desk, capfd, undrawn):
     """And to resume a study puts back its files."""
     text = (copied / "study.yaml").read_text()
     (copied / "study.yaml").write_text(text.replace("timeout: 300.0", "timeout: 30.0"))
     assert main(["study", "show", f"{copied}"]) == 0
-    assert main(["study", f"{files / 'many.yaml'}", "--out", f"{copied}", "--resume"]) == 0
-    assert (copied / "study.yaml").read_text() == text
+    (desk / "many.yaml").write_text((desk / "many.yaml").read_text() + "timeout: 60\n")
+    assert main(["study", "many.yaml", "--out", f"{copied}", "--resume"]) == 0
+    assert (copied / "study.yaml").read_text() == text.replace("timeout: 300.0", "timeout: 60.0")
+
+
+@pytest.mark.parametrize("version", ["0.3", "0.4"])
+def test_a_finished_study_is_shown_and_repeated_without_its_database(
+    version, copied, undisturbed, capfd, undrawn
+):
+    """Version 0.3 wrote versions and files beside the export of the rows, and no contents."""
+    (copied / DATABASE).unlink()
+    if version == "0.3":
+        old = {"versions": {"package": "0.3.0"}, "files": {"short.yaml": "files/1/short.yaml"}}
+        (copied / "state.json").write_text(json.dumps(old | {"contents": {}}))
+    found, whole = (read_study_table(folder).to_pandas() for folder in (copied, undisturbed))
+    assert found.equals(whole)
+    assert main(["study", "show", f"{copied}"]) == 0
+    assert main(["study", "repeat", f"{copied}", "--row", "5"]) == 0
+    assert ("run with package 0.3.0" in capfd.readouterr().out) == (version == "0.3")
 
 
 # --- results ---------------------------------------------------------------------------------

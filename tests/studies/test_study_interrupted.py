@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
@@ -16,16 +17,14 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import Job, make_job
-from sdt_drake.studies.store import Store, create
+from sdt_drake.studies.store import About, Store, create
 from sdt_drake.studies.study import load_study
 from sdt_drake.studies.table import Row
 
 # --- rows on disk ----------------------------------------------------------------------------
 
 INPUTS = {"a": 0.1, 'b "c"': "text"}
-ABOUT = {"inputs": [*INPUTS], "outcomes": ["x", "y"]} | {
-    "fingerprint": "f", "versions": {}, "files": {}, "contents": {},
-}  # fmt: skip
+ABOUT = About({"study.yaml": "a"}, {"own.py": "files/1/own.py"}, {"drake": "1.51"})
 ROWS = [
     Row(2, "ok", "", 0.1, (1 / 3, math.nan)),
     Row(0, "failed", "ünexpected \u2028 \\ '", 0.2, ()),
@@ -35,7 +34,7 @@ ROWS = [
 
 @pytest.fixture
 def written(tmp_path):
-    create(tmp_path, ABOUT, {"a": False, 'b "c"': True})
+    create(tmp_path, ABOUT, {"a": False, 'b "c"': True}, ["x", "y"])
     with Store(tmp_path) as store:
         for row in ROWS:
             store.append(row, INPUTS)
@@ -44,14 +43,14 @@ def written(tmp_path):
 
 def test_rows_come_back_exactly_and_in_order(written):
     with Store(written) as store:
-        (columns,) = store.groups()
-        found = dict(zip(store.kinds, columns, strict=True))
+        found = store.runs()
         assert store.done() == {0, 2, 3} and store.about == ABOUT
         assert store.inputs(2) == INPUTS and store.inputs(1) == {}
-    assert [*found["row"]] == [0, 2, 3] and [*found["status"]] == ["failed", "ok", "ok"]
+    assert [*found.index] == [0, 2, 3] and [*found["status"]] == ["failed", "ok", "ok"]
     assert [*found["reason"]] == [ROWS[1].reason, "", ""]
     assert [*found["duration"], *found["a"]] == [0.2, 0.1, 1e-7] + [0.1] * 3
-    assert [*found["x"], *found["y"]] == [None, 1 / 3, 1e300, None, None, 5e-324]
+    outcomes = [math.nan, 1 / 3, 1e300, math.nan, math.nan, 5e-324]
+    np.testing.assert_array_equal([*found["x"], *found["y"]], outcomes)
 
 
 def test_full_disk(written):

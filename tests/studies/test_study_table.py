@@ -23,7 +23,7 @@ def test_a_family_stands_for_the_worst_joint_that_has_a_number():
     table = table_of({}, dict(zip(names, columns, strict=True)))
     np.testing.assert_array_equal(table.outcome("rms_speed_error"), [1, 3, np.nan])
     np.testing.assert_array_equal(table.worst_joint("rms_speed_error")[:2], [1, 4])
-    assert table.outcome(names[1]) is table.outcomes[names[1]]
+    assert table.outcome(names[1]).equals(table.runs[names[1]])
 
 
 def test_every_family_has_title_and_unit():
@@ -53,8 +53,8 @@ def test_percentiles_and_worst_runs_are_of_the_runs_that_are_ok():
     y = np.array([*range(101), 1e9, np.nan])
     table = small_table(y, status=["ok"] * 101 + ["failed", "ok"])
     np.testing.assert_allclose(percentiles(table, "y"), [5, 25, 50, 75, 95, 99, 100])
-    assert list(worst_runs(table, "y", 3).row) == [100, 99, 98]
-    assert list(worst_runs(small_table([1, 2, 2, np.nan]), "y", 9).row) == [1, 2, 0]
+    assert list(worst_runs(table, "y", 3).runs.index) == [100, 99, 98]
+    assert list(worst_runs(small_table([1, 2, 2, np.nan]), "y", 9).runs.index) == [1, 2, 0]
 
 
 # --- what matters ----------------------------------------------------------------------------

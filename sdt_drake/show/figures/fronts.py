@@ -32,12 +32,12 @@ def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figur
             largest value of its runs.
         error: outcome on the y axis, in the same form.
     """
-    first, worst = table.designs(cost, error)
-    x, y = (metric_of(name).factor * own for name, own in zip((cost, error), worst, strict=True))
+    designs = table.designs(cost, error)
+    x, y = (metric_of(name).factor * designs[name].to_numpy() for name in (cost, error))
     front = pareto(x, y)
-    levels, groups = [ALL_RUNS], np.full(len(first), ALL_RUNS)
+    levels, groups = [ALL_RUNS], np.full(len(designs), ALL_RUNS)
     if has_groups := table.by in (table.choices or ()):  # else a design has runs of several groups
-        levels, groups = list(table.groups), table.group[first]
+        levels, groups = list(table.groups), table.group[designs.index].to_numpy()
     with style():
         figure, ((ax,),) = grid(1, 1, panel=(7.2, 4.2), left=0.85, bottom=BOTTOM)
         line = front.nonzero()[0][np.argsort(x[front], kind="stable")]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,13 +18,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.arrays import Array
 from sdt_drake.show.style import PALETTE, finish, grid, looks_of, plain_numbers, style
-from sdt_drake.studies.summary import TornadoSwing, percentiles, sensitivity, tornado, values_of
-from sdt_drake.studies.table import StudyTable, is_text, levels_of
+from sdt_drake.studies.summary import percentiles, sensitivity, tornado, values_of
+from sdt_drake.studies.table import StudyTable, is_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WHOLE_DEVICE = "the whole device"
 LOW, HIGH = PALETTE[5], PALETTE[1]
@@ -96,7 +98,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
     names = _members(table, family)
     parts = table.groups
     rows = {level: [tornado(part, name) for name in names] for level, part in parts.items()}
-    rows = {level: swings for level, swings in rows.items() if any(swings)}
+    rows = {level: swings for level, swings in rows.items() if any(map(len, swings))}
     bars = min(_MAX_BARS, max(len(swings) for row in rows.values() for swings in row))
     left = 0.35 + 0.068 * max(map(len, table.inputs))
     with style():
@@ -122,21 +124,20 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
         return finish(figure, title, handles)
 
 
-def _ordered(swings: Sequence[Sequence[TornadoSwing]]) -> list[str]:
+def _ordered(swings: Sequence[pd.DataFrame]) -> list[str]:
     """Return the names of inputs; those with the largest sum of relative swings come first."""
     total: dict[str, float] = {}
-    for own in swings:
-        widest = max((swing.width for swing in own), default=0) or 1
-        for swing in own:
-            total[swing.name] = total.get(swing.name, 0) + swing.width / widest
+    for width in (own["width"] for own in swings):
+        for name, share in (width / (width.max() or 1)).items():
+            total[name] = total.get(name, 0) + share
     return sorted(total, key=lambda name: -total[name])
 
 
 def _bars(
-    ax: Axes, order: Sequence[str], swings: Sequence[TornadoSwing], factor: float, values: Array
+    ax: Axes, order: Sequence[str], swings: pd.DataFrame, factor: float, values: pd.Series
 ) -> None:
     mean = factor * values.mean() if len(values) else np.nan
-    own = {swing.name: swing for swing in swings}
+    own = {swing.Index: swing for swing in swings.itertuples()}
     for at, swing in ((at, own[name]) for at, name in enumerate(order) if name in own):
         ends = (
             (factor * swing.low, LOW, swing.low_level),
@@ -154,7 +155,7 @@ def _bars(
     ax.axvline(mean, color="0.2", linewidth=0.9)
     ax.set_yticks(range(len(order)), order)
     ax.set_ylim(len(order) - 0.4, -0.6)  # the first at the top
-    ax.margins(x=0.4 if any(swing.low_level for swing in swings) else 0.1)  # room for the levels
+    ax.margins(x=0.4 if swings["low_level"].any() else 0.1)  # room for the levels
     ax.grid(axis="y", visible=False)
     ax.set_axisbelow(True)
     _few_ticks(ax)
@@ -177,21 +178,20 @@ def scatter_matrix(
         outcomes: rows, at most MAX_PANELS; a family stands for its worst joint.
     """
     # The order is random, so that no group hides another or is left out.
-    order = np.random.default_rng(0).permutation(len(table))
-    shown = order[table.ok[order]][:MAX_POINTS]
-    runs = table.select(shown)
+    order = np.random.default_rng(0).permutation(table.runs.index)
+    runs = table.select([row for row in order if table.ok[row]][:MAX_POINTS])
     levels = list(table.groups)
     colours = np.array([to_rgba(look.colour) for look in looks_of(levels)])
-    groups = [levels.index(name) for name in table.group[shown]]
+    groups = [levels.index(name) for name in table.group[runs.runs.index]]
     with style():
         figure, axes = grid(
             len(outcomes), len(inputs), panel=(1.95, 1.5), gaps=(0.25, 0.15), left=1.2,
             bottom=1.2, sharex="col",
         )  # fmt: skip
         for row, outcome in zip(axes, outcomes, strict=True):
-            y = metric_of(outcome).factor * runs.outcome(outcome)
+            y = metric_of(outcome).factor * runs.outcome(outcome).to_numpy()
             for ax, name in zip(row, inputs, strict=True):
-                _points(ax, runs.inputs[name], y, colours[groups])
+                _points(ax, runs.runs[name], y, colours[groups])
                 ax.tick_params(labelleft=ax is row[0])
             row[0].set_ylabel(_broken(outcome_label(table, outcome)), fontsize=8)
         for ax, name in zip(axes[-1], inputs, strict=True):
@@ -209,9 +209,9 @@ def _spread(values: Array) -> float:
     return float(third / first)
 
 
-def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
-    levels = sorted(levels_of(values)) if is_text(values) else []
-    x = np.array([levels.index(str(text)) for text in values]) if levels else values
+def _points(ax: Axes, values: pd.Series, y: Array, colours: Array) -> None:
+    levels = sorted(map(str, values.unique())) if is_text(values) else []
+    x = np.array([levels.index(str(text)) for text in values]) if levels else values.to_numpy()
     places = np.unique(x[np.isfinite(x)])
     if levels or 1 < len(places) <= _MAX_LEVELS:  # points beside each other, not on each other
         gap = np.diff(places).min(initial=1) if levels else np.diff(places).min()
@@ -244,8 +244,8 @@ def influential(table: StudyTable, outcomes: Iterable[str]) -> list[str]:
     best: dict[str, float] = {}
     for outcome in outcomes:
         for part in table.groups.values():
-            for name, share in sensitivity(part, outcome).items():
-                best[name] = max(best.get(name, 0), np.nan_to_num(share.value))
+            for name, share in sensitivity(part, outcome)["value"].items():
+                best[name] = max(best.get(name, 0), np.nan_to_num(share))
     return sorted(best, key=lambda name: -best[name])[:MAX_PANELS]
 
 
@@ -257,7 +257,7 @@ def _members(table: StudyTable, family: str) -> list[str]:
     return [f"{family}_{k}" for k in table.joints(family)] or [family]
 
 
-def _shown(table: StudyTable, name: str) -> Array:
+def _shown(table: StudyTable, name: str) -> pd.Series:
     """Return an outcome of the runs that have it, in the unit of the figures."""
     return metric_of(name).factor * values_of(table, name)
 
@@ -286,7 +286,7 @@ def _at_dots(name: str) -> str:
     return "\n".join(lines)
 
 
-def scale(ax: Axes, axis: Literal["x", "y"], values: Array) -> None:
+def scale(ax: Axes, axis: Literal["x", "y"], values: Array | pd.Series) -> None:
     """Make an axis logarithmic if its values span more than a factor of 30."""
     if len(values) and values.min() > 0 and values.max() > _LOG_RATIO * values.min():
         getattr(ax, f"set_{axis}scale")("log")

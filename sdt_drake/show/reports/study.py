@@ -24,6 +24,7 @@ from sdt_drake.studies.summary import (
     count_statuses,
     failures,
     percentiles,
+    reasons,
     sensitivity,
     usable,
     varied,
@@ -43,6 +44,7 @@ _HEADLINES = (
 )  # fmt: skip
 _LOOKS = {"ok": "good", "infeasible": "open"}  # classes of page.css; other statuses are "bad"
 _UNKNOWN = Share(np.nan, np.nan)
+_MAX_REASONS = 3  # of a status in a table
 _MIN_SHARE = 0.05  # of the variance; a smaller share is no finding
 
 
@@ -131,7 +133,7 @@ def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -
         inputs = plots.influential(table, names)
         drawn["scatter"] = partial(plots.scatter_matrix, title, table, inputs, outcomes)
     is_front = table.choices and not table.missing and {COST, ERROR} <= set(table.families)
-    if is_front and len(table.designs(COST, ERROR)[0]):
+    if is_front and len(table.designs(COST, ERROR)):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
         drawn["pareto"] = partial(plots_front.pareto_figure, title, table, COST, ERROR)
     chosen = [name for name in drawn if name in wanted]
@@ -146,9 +148,10 @@ def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -
 def status_table(table: StudyTable) -> Table:
     """Make the table of runs by status, with the most frequent reasons."""
     rows = []
-    for status, runs, reasons in count_statuses(table):
+    for status, runs in count_statuses(table).items():
         rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
-        rows += [["", str(n), "", str(row), text] for text, n, row in reasons]
+        for one in reasons(table, status).head(_MAX_REASONS).itertuples():
+            rows.append(["", str(one.runs), "", str(one.row), one.reason])
     return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
 
 
@@ -202,11 +205,11 @@ def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
     rows = []
     for part in table.groups.values():
         runs = worst_runs(part, outcome, count)
-        columns: list[Iterable[object]] = [runs.row]
+        columns: list[Iterable[object]] = [runs.runs.index]
         if has_joints:
             columns.append(runs.worst_joint(outcome))
         columns.append([cell(metric.factor * value) for value in runs.outcome(outcome)])
-        columns += [map(cell, runs.inputs[name].tolist()) for name in inputs]
+        columns += [map(cell, runs.runs[name].tolist()) for name in inputs]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
     header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
     return Table(header, rows, f"Worst runs: {metric.title}")
@@ -223,7 +226,7 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
     """
     tables = []
     for level, part in table.groups.items():
-        columns = [sensitivity(part, name) for name in names]
+        columns = [_shares(part, name) for name in names]
         by_input = {
             key: [shares.get(key, _UNKNOWN) for shares in columns] for key in chain(*columns)
         }
@@ -236,6 +239,12 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
             title = f"Variance explained by each input alone [%], {level}"
             tables.append(Table(header, rows, title))
     return tables
+
+
+def _shares(table: StudyTable, outcome: str) -> dict[str, Share]:
+    """Return the shares of `sensitivity` by input."""
+    found = sensitivity(table, outcome)
+    return dict(zip(found.index, map(Share._make, found.itertuples(index=False)), strict=True))
 
 
 def _sum(shares: Iterable[Share]) -> float:
@@ -273,10 +282,10 @@ def study_summary(table: StudyTable) -> dict[str, object]:
         "failed": capital(failures(table)),
         "runs": len(table),
         "varied": list(varied(table)),
-        "time": _time(float(np.nansum(table.duration))),
+        "time": _time(table.runs["duration"].sum()),
         "tiles": [
             (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
-            for status, runs, _ in count_statuses(table)
+            for status, runs in count_statuses(table).items()
         ],
         "findings": [finding(table, family) for family in headlines(table)],
         "status": status_table(table),
@@ -298,7 +307,7 @@ def finding(table: StudyTable, family: str) -> dict[str, object]:
             continue
         where = level if table.by else None
         limits.append((f"{value:.3g}", where))
-        shares = sensitivity(part, family)
+        shares = _shares(part, family)
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
         if len(shares) > 1 and share.value > max(_MIN_SHARE, 2 * share.error):
             causes.setdefault(name, []).append((f"{_percent(share)} %", where))
