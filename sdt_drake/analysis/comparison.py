@@ -20,8 +20,9 @@ from sdt_drake.analysis.tracking import (
     track,
     track_head,
 )
+from sdt_drake.io.arguments import one_of
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice, needing, one_line
+from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.files import write_csv
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher
@@ -215,12 +216,12 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
 def _parsed(label: str, where: str) -> tuple[str, str | None]:
     """Return kind and feedforward of a label "p_pi+id"; the feedforward is None without "+"."""
     kind, plus, feedforward = label.partition("+")
-    checked_choice(kind, tuple(CONTROLLERS), where)
+    one_of(kind, where, tuple(CONTROLLERS))
     if not plus:
         return kind, None
     if "feedforward" not in CONTROLLERS[kind].options:
         raise InputError(f"'{label}', but {kind} has its own feedforward", place=where)
-    return kind, checked_choice(feedforward, FEEDFORWARDS, f"{where}: feedforward of {kind}")
+    return kind, one_of(feedforward, f"{where}: feedforward of {kind}", FEEDFORWARDS)
 
 
 def run_of(label: str, design: Design) -> Compared:

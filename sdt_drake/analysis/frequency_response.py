@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
+from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array, Complex
-from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, by_joint, formatted, higher, joint_count
 from sdt_drake.robot.dynamics import where_largest
@@ -145,7 +146,7 @@ def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyRe
     if time is None:
         return frequency_response(design)
     motion = design.motion
-    if checked_number(time, "time", minimum=0) > motion.duration:
+    if finite_number(time, "time", minimum=0) > motion.duration:
         raise InputError(f"{time:g} s, the motion ends at {motion.duration:g} s", place="time")
     return frequency_response(design, sample=round(time / motion.period))
 

@@ -12,9 +12,9 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 from pydrake.systems.primitives import Adder
 
 from sdt_drake.analysis.step import StepMetrics, step_metrics
-from sdt_drake.io.arguments import chosen_joints
+from sdt_drake.io.arguments import chosen_joints, finite_number, one_of, positive
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice, checked_number, one_line
+from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, formatted, higher, listed, numbered
@@ -198,13 +198,13 @@ def step(
         -0.000417 rad/s
     """
     design = _as_design(design)
-    checked_choice(input, tuple(INPUTS), "input")
+    one_of(input, "input", tuple(INPUTS))
     (k,) = chosen_joints(0 if joint is None else joint, design.robot.n)
     if size is None:
         size = 0.1 * float(design.robot.motor_torque_limit[k])
         if input == "reference":
             size /= float(design.gains.kp[k] * design.robot.gear_ratio[k])
-    size = checked_number(size, "size")
+    size = finite_number(size, "size")
     if not 0 < abs(size) <= MAX_SIZE:
         raise InputError(
             f"{size:g}, expected a number that is not 0, up to {MAX_SIZE:g}", place="size"
@@ -248,7 +248,7 @@ def _as_design(design: Design | Scenario | Loop) -> Design:
 def _samples(design: Design, at: float, duration: float | None) -> tuple[int, int]:
     """Return the sample of the step, and the number of periods after it."""
     period, end = design.motion.period, len(design.motion.v) - 1
-    at = checked_number(at, "at", minimum=0)
+    at = finite_number(at, "at", minimum=0)
     first = round(at / period)
     if abs(first * period - at) > 1e-6 * period or first >= end:
         raise InputError(
@@ -259,7 +259,7 @@ def _samples(design: Design, at: float, duration: float | None) -> tuple[int, in
     left = end - first
     if duration is None:
         return first, min(left, int(np.ceil(DURATION / design.omega_n.min() / period)))
-    periods = checked_number(duration, "duration", minimum=0, exclusive=True) / period
+    periods = positive(duration, "duration") / period
     if periods > left * (1 + 1e-9):
         text = f"{duration:.9g} s, but the motion ends {left * period:.9g} s after the step"
         raise InputError(text, place="duration")

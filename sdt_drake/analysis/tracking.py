@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import columns_of
+from sdt_drake.io.arguments import instance_of
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_type
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
@@ -61,8 +62,8 @@ def track(recording: Recording, motion: Motion) -> Tracking:
     Raises:
         InputError: an argument has another type, or the motion has other samples or joints.
     """
-    checked_type(recording, Recording, "recording", "sdt_drake.simulate")
-    checked_type(motion, Motion, "motion", "sdt_drake.plan, or a design,")
+    instance_of(Recording, "sdt_drake.simulate")(recording, "recording")
+    instance_of(Motion, "sdt_drake.plan, or a design,")(motion, "motion")
     expected, found = recording.summary().title, motion.summary().title
     if found != expected:
         raise InputError(f"{found}, expected that of the recording, {expected}", place="motion")

@@ -10,7 +10,7 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Out, Robot, number
 from sdt_drake.cli.printing import echo, print_joints
-from sdt_drake.io.errors import whole_periods
+from sdt_drake.io.arguments import whole_periods
 
 
 def run(

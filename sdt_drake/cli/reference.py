@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from sdt_drake.cli.common import Out, check_file, check_folder
 from sdt_drake.cli.printing import echo, echo_wrapped
-from sdt_drake.io.errors import InputError, checked_choice
+from sdt_drake.io.arguments import one_of
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def run(topic: str | None = None, /, *, out: Out = None) -> None:
             schema = ", with a JSON Schema" * (name in FILES)
             echo(f"{name:12s}  {make().title}{schema}")
         return
-    checked_choice(topic, tuple(TOPICS), "TOPIC")
+    one_of(topic, "TOPIC", tuple(TOPICS))
     if out is not None:
         _write(topic, out)
         return

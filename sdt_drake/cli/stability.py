@@ -10,7 +10,8 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, Trust, number
 from sdt_drake.cli.printing import echo, print_joints
-from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.arguments import finite_number
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import RESULT_TABLES, Results
 
@@ -56,7 +57,7 @@ def run(
 
     common.check_out(out, show, RESULT_TABLES)
     if omega_r is not None:
-        checked_number(omega_r, "--omega-r", minimum=MIN_OMEGA_R)
+        finite_number(omega_r, "--omega-r", minimum=MIN_OMEGA_R)
     design = common.design_of(scenario, changes)
     chosen, choice = design.scenario, design.scenario.controller
     frequency, source = _omega_r(design, scenario, omega_r)

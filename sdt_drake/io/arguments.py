@@ -1,27 +1,33 @@
-"""Checks of the arguments of public functions."""
+"""Checks of the arguments of public functions: each returns the value, or raises InputError."""
 
 from __future__ import annotations
 
 import functools
 import inspect
+import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from numbers import Real
+from collections.abc import Callable, Collection, Mapping, Sequence
+from numbers import Integral, Real
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-import numpy as np
+from sdt_drake.io.errors import MAX_NUMBER, InputError, at_most, one_line
 
-from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_number, checked_type, one_line
+if TYPE_CHECKING:  # import numpy lazily: it would slow down --help by 0.1 s
+    from numpy.typing import ArrayLike
+
+    from sdt_drake.io.arrays import Array
+
+MAX_PERIODS = 1_000_000
+"""Largest number of sample periods of a motion: 83 min of 5 ms, planned within a minute."""
 
 F = TypeVar("F", bound=Callable[..., Any])
-Kind = Callable[[Any, str], object]
-"""A check of an argument's value and name that returns the value or raises InputError."""
+Check = Callable[[Any, str], object]
+"""A check of an argument's value and name."""
 
 
-def takes(**kinds: Kind) -> Callable[[F], F]:
+def takes(**checks: Check) -> Callable[[F], F]:
     """Check the named arguments of a function. Defaults are passed unchecked.
 
     >>> @takes(period=positive)
@@ -37,10 +43,10 @@ def takes(**kinds: Kind) -> Callable[[F], F]:
         @functools.wraps(function)
         def checked(*args: Any, **kwargs: Any) -> Any:
             bound = signature.bind(*args, **kwargs)
-            for name in [name for name in bound.arguments if name in kinds]:
+            for name in [name for name in bound.arguments if name in checks]:
                 value = bound.arguments[name]
                 if value is not signature.parameters[name].default:
-                    bound.arguments[name] = kinds[name](value, name)
+                    bound.arguments[name] = checks[name](value, name)
             return function(*bound.args, **bound.kwargs)
 
         return cast(F, checked)
@@ -49,20 +55,29 @@ def takes(**kinds: Kind) -> Callable[[F], F]:
 
 
 def typed(function: F) -> F:
-    """Check all arguments of a function against their annotations, as `like` does."""
+    """Check all arguments of a function against their annotations."""
     hints = get_type_hints(function)
-    kinds = {name: like(hint) for name, hint in hints.items() if name != "return"}
-    return takes(**kinds)(function)
+    return takes(**{name: instance_of(hint) for name, hint in hints.items() if name != "return"})(
+        function
+    )
 
 
-def like(hint: Any) -> Kind:
-    """Return a check for an annotation: a class, a union, or a list or mapping with entries."""
+# --- types -----------------------------------------------------------------------------------
+
+
+def instance_of(hint: Any, made_by: str = "") -> Check:
+    """Return a check for a type: a class, a union, or a list or mapping with entries.
+
+    `made_by` names the function that makes such an object.
+    """
 
     def checked(value: Any, name: str) -> object:
         if not _fits(value, hint):
             is_empty = isinstance(value, Sequence | Mapping) and not len(value)
             given = f"{'an empty' if is_empty else 'a'} {type(value).__name__}"
-            raise InputError(f"{given}, expected {_in_words(hint)}", place=name)
+            given = f"the class {value.__name__}" if isinstance(value, type) else given
+            accepted = _in_words(hint) + (f", as {made_by} makes it" if made_by else "")
+            raise InputError(f"{given}, expected {accepted}", place=name)
         return value
 
     return checked
@@ -92,25 +107,16 @@ def _in_words(hint: Any) -> str:
         return f"a list, each entry {_in_words(inner[0])}"
     if kind is Mapping:
         return f"a mapping, each value {_in_words(inner[1])}"
-    words: dict[Any, str] = {str: "a text", float: "a number", int: "a whole number"}
-    words |= {bool: "True or False", np.ndarray: "an array", Callable: "a function"}
-    words[type(None)] = "None"
+    words = {
+        "str": "a text", "float": "a number", "int": "a whole number", "bool": "True or False",
+        "ndarray": "an array", "Callable": "a function", "NoneType": "None",
+    }  # fmt: skip
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
-    return words.get(kind, f"{article} {kind.__name__}")
-
-
-def a(kind: type, made_by: str) -> Kind:
-    """Return a check for objects of a type. `made_by` names the function that creates one."""
-
-    def checked(value: Any, name: str) -> object:
-        checked_type(value, kind, name, made_by)
-        return value
-
-    return checked
+    return words.get(kind.__name__, f"{article} {kind.__name__}")
 
 
 def a_path(value: Any, name: str) -> str | Path:
-    """Check the path of a file or the name of a shipped one."""
+    """Return the path of a file or the name of a shipped one."""
     if not isinstance(value, str | os.PathLike):
         raise InputError(
             f"a {type(value).__name__}, expected a path, as a str or a Path", place=name
@@ -118,9 +124,28 @@ def a_path(value: Any, name: str) -> str | Path:
     return value if isinstance(value, str) else Path(value)
 
 
+def one_of(value: str, name: str, choices: Collection[str]) -> str:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        raise InputError(f"'{value}', expected one of {', '.join(choices)}", place=name)
+    return value
+
+
+# --- numbers ---------------------------------------------------------------------------------
+
+
+def finite_number(value: Any, name: str, *, minimum: float = -math.inf) -> float:
+    """Return `value` as a finite number >= `minimum`."""
+    if not _is_number(value) or value < minimum:
+        raise _no_number(value, name, f" >= {minimum:g}" if math.isfinite(minimum) else "")
+    return float(value)
+
+
 def positive(value: Any, name: str) -> float:
     """Return `value` as a finite number > 0."""
-    return checked_number(value, name, minimum=0, exclusive=True)
+    if not _is_number(value) or value <= 0:
+        raise _no_number(value, name, " > 0")
+    return float(value)
 
 
 def share(value: Any, name: str) -> float:
@@ -130,8 +155,67 @@ def share(value: Any, name: str) -> float:
     return float(value)
 
 
-def finite(shape: str) -> Kind:
+def _is_number(value: Any) -> bool:
+    return bool(isinstance(value, Real) and abs(cast(float, value)) <= MAX_NUMBER)
+
+
+def _no_number(value: object, name: str, bound: str) -> InputError:
+    text = f"{one_line(value)}, expected a finite number{bound}{at_most(value)}"
+    return InputError(text, place=name)
+
+
+def whole_number(value: Any, name: str) -> int:
+    """Return `value` as a whole number >= 1."""
+    if not isinstance(value, Integral) or value < 1:
+        raise InputError(f"{value!r}, expected a whole number >= 1", place=name)
+    return int(value)
+
+
+def whole_periods(duration: float, period: float, name: str) -> int:
+    """Return the number of periods [s] in `duration` [s], a whole multiple of the period."""
+    if not duration / MAX_PERIODS <= period:
+        raise InputError(
+            f"period {period:g} s, expected at least a {MAX_PERIODS}th of {duration:g} s",
+            place=name,
+        )
+    count = round(duration / period)
+    if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
+        raise InputError(
+            f"{duration:g} s is not a whole multiple of the period {period:g} s", place=name
+        )
+    return count
+
+
+def chosen_joints(joint: int | None, n: int, name: str = "joint") -> Sequence[int]:
+    """Return the indices (from 0) of the joints to show: all n, or joint number 1 to n."""
+    if joint is None:
+        return range(n)
+    if not isinstance(joint, Integral) or not 1 <= joint <= n:
+        raise InputError(f"{joint!r}, expected 1 to {n}", place=name)
+    return [joint - 1]
+
+
+# --- arrays ----------------------------------------------------------------------------------
+
+
+def positives(values: ArrayLike, name: str, n: int | None = None) -> Array:
+    """Return `values` as finite numbers > 0, one for each joint, shape (n,); any n by default."""
+    import numpy as np
+
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    is_list = array.ndim == 1 and len(array) > 0 and (n is None or len(array) == n)
+    if not is_list or not (np.isfinite(array) & (array > 0)).all():
+        accepted = f"a list of {'' if n is None else f'{n} '}finite numbers > 0, one for each joint"
+        raise InputError(f"{one_line(values)}, expected {accepted}", place=name)
+    return array
+
+
+def finite(shape: str) -> Check:
     """Return a check for arrays of finite numbers. `shape` gives the dimensions: "(N + 1, n)"."""
+    import numpy as np
 
     def checked(value: Any, name: str) -> Array:
         try:
@@ -149,16 +233,3 @@ def finite(shape: str) -> Kind:
         return array
 
     return checked
-
-
-def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
-    """Return the indices (from 0) of the joints to show: all n, or joint number 1 to n.
-
-    Raises:
-        InputError: the robot has no joint of this number.
-    """
-    if joint is None:
-        return range(n)
-    if not isinstance(joint, int | np.integer) or not 1 <= joint <= n:
-        raise InputError(f"{joint!r}, expected 1 to {n}", place=where)
-    return [joint - 1]

@@ -1,4 +1,4 @@
-"""`InputError`, the exception for all bad input of users, and checks of numbers."""
+"""`InputError`, the exception for all bad input of users."""
 
 from __future__ import annotations
 
@@ -6,17 +6,8 @@ import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
-from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:  # import numpy lazily: it would slow down --help by 0.1 s
-    from numpy.typing import ArrayLike
-
-    from sdt_drake.io.arrays import Array
-
-MAX_PERIODS = 1_000_000
-"""Largest number of sample periods of a motion: 83 min of 5 ms, planned within a minute."""
+from typing import NamedTuple
 
 MAX_NUMBER = 1e16
 """Largest size of a number in files and arguments; products of many such numbers are finite."""
@@ -158,98 +149,6 @@ def at_most(value: object) -> str:
     """Return " of at most 1e+16" for a finite number beyond it, otherwise ""."""
     is_beyond = isinstance(value, int | float) and MAX_NUMBER < abs(value) < math.inf
     return f" of at most {MAX_NUMBER:g}" if is_beyond else ""
-
-
-def checked_number(
-    value: float, where: str, *, minimum: float = -math.inf, exclusive: bool = False
-) -> float:
-    """Return `value` as a finite number >= `minimum` (> `minimum` if `exclusive`).
-
-    Raises:
-        InputError: the value is no such number.
-    """
-    is_number = isinstance(value, Real) and abs(value) <= MAX_NUMBER
-    if not is_number or value < minimum or (exclusive and value == minimum):
-        bound = f" {'>' if exclusive else '>='} {minimum:g}" if math.isfinite(minimum) else ""
-        most = at_most(value)
-        raise InputError(f"{one_line(value)}, expected a finite number{bound}{most}", place=where)
-    return float(value)
-
-
-def checked_count(value: int, where: str) -> int:
-    """Return `value` as a whole number >= 1.
-
-    Raises:
-        InputError: the value is no such number.
-    """
-    if not isinstance(value, Integral) or value < 1:
-        raise InputError(f"{value!r}, expected a whole number >= 1", place=where)
-    return int(value)
-
-
-def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Array:
-    """Return `values` as finite numbers > 0, one for each joint, shape (n,); any n by default.
-
-    Raises:
-        InputError: the values are no such numbers.
-    """
-    import numpy as np
-
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
-    is_list = array.ndim == 1 and len(array) > 0 and (n is None or len(array) == n)
-    if not is_list or not (np.isfinite(array) & (array > 0)).all():
-        count = "" if n is None else f"{n} "
-        raise InputError(
-            f"{one_line(values)}, expected a list of {count}finite numbers > 0, one for each joint",
-            place=where,
-        )
-    return array
-
-
-def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
-    """Check the type of a value. `made_by` names the function that creates one.
-
-    Raises:
-        InputError: the value has another type.
-    """
-    if not isinstance(value, kind):
-        given = f"a {type(value).__name__}"
-        if isinstance(value, type):
-            given = f"the class {value.__name__}"
-        raise InputError(f"{given}, expected a {kind.__name__}, as {made_by} makes it", place=where)
-
-
-def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
-    """Return `value` if it is one of `choices`.
-
-    Raises:
-        InputError: the value is none of the choices, which it lists.
-    """
-    if value not in choices:
-        raise InputError(f"'{value}', expected one of {', '.join(choices)}", place=where)
-    return value
-
-
-def whole_periods(duration: float, period: float, where: str) -> int:
-    """Return the number of periods [s] in `duration` [s].
-
-    Raises:
-        InputError: the duration is no whole multiple of the period, or too long.
-    """
-    if not duration / MAX_PERIODS <= period:
-        raise InputError(
-            f"period {period:g} s, expected at least a {MAX_PERIODS}th of {duration:g} s",
-            place=where,
-        )
-    count = round(duration / period)
-    if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
-        raise InputError(
-            f"{duration:g} s is not a whole multiple of the period {period:g} s", place=where
-        )
-    return count
 
 
 @contextlib.contextmanager

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import copy
 import inspect
 import itertools
+import textwrap
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -90,8 +92,10 @@ def _docstrings(model: type) -> dict[str, str]:
     """
     texts: dict[str, str] = {}
     for base in reversed(model.__mro__):
-        if "__dataclass_params__" in vars(base):
-            (tree,) = ast.parse(inspect.getsource(base)).body
+        if "__dataclass_params__" not in vars(base):
+            continue
+        with contextlib.suppress(OSError, TypeError):  # of a class that was made without a file
+            (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
             for field, text in itertools.pairwise(getattr(tree, "body", ())):
                 match field, text:
                     case (

@@ -7,7 +7,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError, checked_choice, needing
+from sdt_drake.io.arguments import one_of
+from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.files import replacing, write_text
 from sdt_drake.io.names import value_of
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file
@@ -49,7 +50,7 @@ def write_fmu(design: Design, path: Path, inputs: str = "torque") -> None:
         InputError: if the loop cannot have these inputs, its controller comes from a Python file,
             or the FMU cannot be written.
     """
-    checked_choice(inputs, FMU_INPUTS, "inputs")
+    one_of(inputs, "inputs", FMU_INPUTS)
     if design.scenario.controller.file:
         raise InputError(
             f"{design.scenario.controller.file}, but an FMU runs no such code; expected none",

@@ -13,8 +13,9 @@ import numpy as np
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 from pythonfmu.enums import Fmi2Status
 
+from sdt_drake.io.arguments import whole_periods
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.versions import versions
 from sdt_drake.machine.fmu import ABOUT, SCENARIO, open_loop
 from sdt_drake.pilot.head import has_head, head_motion

@@ -11,8 +11,9 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.analysis.metrics import Metric
+from sdt_drake.io.arguments import instance_of
 from sdt_drake.io.arrays import Array, Mask
-from sdt_drake.io.errors import InputError, checked_type
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher, of_joints
 from sdt_drake.io.tables import write_table
@@ -187,7 +188,7 @@ def replay(
         >>> replayed.explained("speed_error").round(2)  # share of the recorded error
         array([1.  , 0.97, 1.  , 1.  ])
     """
-    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
+    instance_of(Scenario, "sdt_drake.load")(scenario, "scenario")
     robot = load_device(scenario)
     [recorded] = recordings_of([recording], "recording", robot, columns, needs=(), side=side)
     recorded = without_spikes(recorded, robot)

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from sdt_drake.io.arguments import a, a_path, positive, share, takes
-from sdt_drake.io.errors import InputError, checked_choice, within
+from sdt_drake.io.arguments import a_path, instance_of, one_of, positive, share, takes
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
@@ -81,7 +81,12 @@ PLANNERS = {"limiter": plan_motion, "retiming": retime}
 """Planners by name: functions `(robot, command, *, period, torque_margin) -> Plan`."""
 
 
-@takes(path=a_path, robot=a(Robot, "sdt_drake.load_robot"), period=positive, torque_margin=share)
+@takes(
+    path=a_path,
+    robot=instance_of(Robot, "sdt_drake.load_robot"),
+    period=positive,
+    torque_margin=share,
+)
 def load_plan(
     path: str | Path,
     robot: Robot | None = None,
@@ -110,7 +115,7 @@ def load_plan(
     >>> plan.motion.duration, plan.longer
     (85.0, 0.0)
     """
-    checked_choice(planner, tuple(PLANNERS), "planner")
+    one_of(planner, "planner", tuple(PLANNERS))
     robot = load_robot() if robot is None else robot
     file = find_file(path, "motion")
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.io.arguments import a, takes
+from sdt_drake.io.arguments import instance_of, takes, whole_periods
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.trajectory import Loss, Motion
@@ -72,7 +72,7 @@ class Plan(Shown):
         }
         return of_joints(title, columns)
 
-    @takes(robot=a(Robot, "sdt_drake.load_robot"))
+    @takes(robot=instance_of(Robot, "sdt_drake.load_robot"))
     def plot(self, robot: Robot) -> Figure:
         """Draw the torques and speeds of the motion with the limits of `robot`.
 

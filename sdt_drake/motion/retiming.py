@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
+from sdt_drake.io.arguments import MAX_PERIODS
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MAX_PERIODS, InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,

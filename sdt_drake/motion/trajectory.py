@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from sdt_drake.io.arguments import a_path, finite, positive, takes
+from sdt_drake.io.arguments import a_path, finite, positive, takes, whole_periods
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, data_frame, read_table, write_table
 

@@ -16,7 +16,8 @@ import numpy as np
 from sdt_drake.analysis import tuning
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.step import StepResponse, step_metrics
-from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.arguments import finite_number
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.paper.published import FIGURE4_ZETA, OMEGA_R, TABLE1, table1
 from sdt_drake.paper.step_loop import make_step_loop
@@ -136,7 +137,7 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     """
     if not 0.01 <= zeta <= 100:
         raise InputError(f"{zeta:g}, expected 0.01 to 100", place="zeta")
-    checked_number(omega_r, "omega_r", minimum=_MIN_OMEGA_R)
+    finite_number(omega_r, "omega_r", minimum=_MIN_OMEGA_R)
     gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sdt_drake.io.arguments import a, takes
+from sdt_drake.io.arguments import instance_of, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_type, within
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.shown import Shown, Summary, higher, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_plan
@@ -329,9 +329,9 @@ class Design(Shown):
 
 
 @takes(
-    robot=a(Robot, "sdt_drake.load_robot"),
-    motion=a(Motion, "sdt_drake.plan, or a design,"),
-    learned=a(LearnedReference, "sdt_drake.learn"),
+    robot=instance_of(Robot, "sdt_drake.load_robot"),
+    motion=instance_of(Motion, "sdt_drake.plan, or a design,"),
+    learned=instance_of(LearnedReference, "sdt_drake.learn"),
 )
 def make_design(
     scenario: Scenario,
@@ -358,7 +358,7 @@ def make_design(
         >>> design.gains.kp.tolist()
         [267.1, 6340.0, 52000.0, 15700.0]
     """
-    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
+    instance_of(Scenario, "sdt_drake.load")(scenario, "scenario")
     robot = robot or load_device(scenario)
     check_joints(scenario, _name(scenario), robot.n)
     if motion is None:
@@ -378,7 +378,7 @@ def as_design(design: Design | Scenario) -> Design:
     if isinstance(design, Scenario):
         return make_design(design)
     made_by = "sdt_drake.design, or a Scenario, as sdt_drake.load"
-    checked_type(design, Design, "design", made_by)
+    instance_of(Design, made_by)(design, "design")
     return design.checked()
 
 

@@ -11,9 +11,8 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort, System
 from pydrake.systems.primitives import PassThrough, VectorLogSink, ZeroOrderHold
 
-from sdt_drake.io.arguments import a, finite, takes
+from sdt_drake.io.arguments import finite, instance_of, one_of, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import checked_choice
 from sdt_drake.run.controllers import start_controller
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device import (
@@ -112,7 +111,7 @@ class Loop:
         start_controller(self.owner, *own("controller"), design, at.tau_cmd, start)
 
 
-@takes(meshcat=a(Meshcat, "pydrake.geometry.StartMeshcat"))
+@takes(meshcat=instance_of(Meshcat, "pydrake.geometry.StartMeshcat"))
 def make_loop(
     design: Design | Scenario,
     *,
@@ -158,7 +157,7 @@ def make_loop(
         ['reference_source', 'zero_order_hold', 'feedforward', 'controller']
     """
     design = as_design(design)
-    checked_choice(reference, ("planned", EXTERNAL), "reference")
+    one_of(reference, "reference", ("planned", EXTERNAL))
     motion, n, is_planned = design.reference, design.robot.n, reference != EXTERNAL
     delay = design.drive.reference_delay * is_planned
     owner, law = chosen_controller(design, controller)

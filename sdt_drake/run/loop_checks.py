@@ -8,7 +8,8 @@ from typing import cast
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import PassThrough
 
-from sdt_drake.io.errors import InputError, checked_type
+from sdt_drake.io.arguments import instance_of
+from sdt_drake.io.errors import InputError
 from sdt_drake.run.controllers import in_errors, make_controller
 from sdt_drake.run.controllers.base import LOOP_SIGNALS
 from sdt_drake.run.design import Design
@@ -31,7 +32,7 @@ def chosen_controller(design: Design, controller: System | str | None) -> tuple[
 
 def checked_controller(design: Design, owner: type, controller: System) -> System:
     """Return a controller after a check of its ports; `owner` is its class."""
-    checked_type(controller, System, "controller", "calling its class")
+    instance_of(System, "calling its class")(controller, "controller")
     where, n = in_errors(design, owner), design.robot.n
     ports = map(controller.get_output_port, range(controller.num_output_ports()))
     outputs = {port.get_name(): port.size() for port in ports}

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from sdt_drake.io.arguments import a, a_path, takes
-from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.arguments import a_path, instance_of, takes, whole_periods
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import (
     EachJoint,
     FileOf,
@@ -267,7 +267,7 @@ def load_scenario(
         return load_yaml(Scenario, path, "scenario", changes)[0]
 
 
-@takes(scenario=a(Scenario, "sdt_drake.load"), path=a_path)
+@takes(scenario=instance_of(Scenario, "sdt_drake.load"), path=a_path)
 def save_scenario(scenario: Scenario, path: str | Path) -> None:
     """Write a scenario as YAML that `load_scenario` reads.
 

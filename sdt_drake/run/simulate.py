@@ -15,9 +15,9 @@ from pydantic import ConfigDict, SkipValidation, WithJsonSchema
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 
-from sdt_drake.io.arguments import a_path, takes
+from sdt_drake.io.arguments import a_path, finite_number, instance_of, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_number, checked_type
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
@@ -255,7 +255,7 @@ def simulate(
     """
     loop, diagram = _loop_and_diagram(design, diagram)
     design = loop.design
-    checked_number(realtime_rate, "realtime_rate", minimum=0)
+    finite_number(realtime_rate, "realtime_rate", minimum=0)
     period, accuracy = design.reference.period, design.scenario.accuracy
     if design.scenario.plant.kind == "axis":
         accuracy = max(accuracy / AXIS_ACCURACY_FACTOR, MIN_ACCURACY)
@@ -347,7 +347,7 @@ def _loop_and_diagram(
         warnings.warn(text, DeprecationWarning, stacklevel=3)
         return loop, loop.diagram
     if diagram is not None:
-        checked_type(diagram, Diagram, "diagram", "DiagramBuilder.Build")
+        instance_of(Diagram, "DiagramBuilder.Build")(diagram, "diagram")
     loop = design if isinstance(design, Loop) else make_loop(design)
     if diagram is None:
         return loop, loop.diagram

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
-from sdt_drake.io.errors import InputError, checked_choice
+from sdt_drake.io.arguments import one_of
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
 from sdt_drake.show import diagrams
 from sdt_drake.show.diagrams import NoWayError, Page, Symbols
@@ -101,7 +102,7 @@ def write_diagram(
     Raises:
         InputError: if the format is none of FORMATS, or Graphviz is needed and missing.
     """
-    checked_choice(format_, FORMATS, "format")
+    one_of(format_, "format", FORMATS)
     if not drake:
         page = page_of(diagram, max_depth=max_depth, symbols=symbols)
         return write_page(page, Path(path), format_)

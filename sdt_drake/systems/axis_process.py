@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
-from sdt_drake.io.errors import checked_positive
+from sdt_drake.io.arguments import positives
 from sdt_drake.systems.wiring import build
 
 
@@ -28,10 +28,10 @@ def axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
         output_ports: [state]
     """
     builder = DiagramBuilder()
-    i_eff = checked_positive(i_eff, "i_eff")
+    i_eff = positives(i_eff, "i_eff")
     n = len(i_eff)
     zero, one = np.zeros((n, n)), np.eye(n)
-    per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
+    per_torque = np.diag(1 / (i_eff * positives(gear_ratio, "gear_ratio", n)))
     motors = LinearSystem(
         A=np.block([[zero, one], [zero, zero]]),
         B=np.block([[zero, zero], [per_torque, -per_torque]]),

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pydrake.symbolic as sym
 from pydrake.systems.framework import Diagram
 
-from sdt_drake.io.errors import checked_count, checked_number
+from sdt_drake.io.arguments import finite_number, whole_number
 from sdt_drake.systems.symbolic import TIME, Symbols, symbolic_law
 
 
@@ -25,9 +25,9 @@ def disturbance(*, n: int, amplitude: float, omega_d: float) -> Diagram:
         input_ports: [load_torque]
         output_ports: [disturbance]
     """
-    checked_count(n, "n")
-    checked_number(amplitude, "amplitude", minimum=0)
-    checked_number(omega_d, "omega_d", minimum=0)
+    whole_number(n, "n")
+    finite_number(amplitude, "amplitude", minimum=0)
+    finite_number(omega_d, "omega_d", minimum=0)
 
     def law(load_torque: Symbols) -> list[sym.Expression]:
         return [amplitude * sym.sin(omega_d * TIME) * tau for tau in load_torque]

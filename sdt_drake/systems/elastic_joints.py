@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer
 
+from sdt_drake.io.arguments import positives
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.device import Springs
 from sdt_drake.systems.wiring import build, set_state
 
@@ -45,7 +45,7 @@ def elastic_joints(
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
     n = len(springs.stiffness)
-    r = checked_positive(gear_ratio, "gear_ratio", n)
+    r = positives(gear_ratio, "gear_ratio", n)
     axes = np.flatnonzero(springs.elastic)
     rotors: Array = np.diag(r**2 * np.asarray(rotor_inertia)) + np.asarray(shared_inertia)
     m, reflected = len(axes), np.linalg.inv(rotors[np.ix_(axes, axes)])

@@ -6,8 +6,9 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
+from sdt_drake.io.arguments import finite_number, positive, positives, whole_number
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_count, checked_number, checked_positive
+from sdt_drake.io.errors import InputError
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
 from sdt_drake.systems.wiring import build, set_state
 
@@ -45,9 +46,9 @@ def encoder(
     """
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
-    checked_count(n, "n")
-    checked_number(period, "period", minimum=0, exclusive=True)
-    checked_number(offset, "offset", minimum=0)
+    whole_number(n, "n")
+    positive(period, "period")
+    finite_number(offset, "offset", minimum=0)
     if resolution is None:
         now = add("now", ZeroOrderHold(period, 2 * n, offset))
         builder.ExportInput(now.get_input_port(), "state")
@@ -107,5 +108,5 @@ def _increment(resolution: ArrayLike, gear_ratio: ArrayLike | None, n: int) -> A
     """Return the angle of a joint per increment of its encoder [rad], shape (n,)."""
     if gear_ratio is None:
         raise InputError("missing, required with a resolution", place="gear_ratio")
-    shaft = checked_positive(gear_ratio, "gear_ratio", n)
-    return np.asarray(2 * np.pi / (checked_positive(resolution, "resolution", n) * shaft))
+    shaft = positives(gear_ratio, "gear_ratio", n)
+    return np.asarray(2 * np.pi / (positives(resolution, "resolution", n) * shaft))

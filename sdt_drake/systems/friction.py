@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import MatrixGain
 
-from sdt_drake.io.errors import checked_positive
+from sdt_drake.io.arguments import positives
 from sdt_drake.robot.device import (
     OVERFLOW_RATE,
     PRESLIDING_DAMPING_TIME,
@@ -51,7 +51,7 @@ def joint_friction(*, friction: FrictionParameters, gear_ratio: ArrayLike) -> Di
         output_ports: [friction]
     """
     n = len(friction.coulomb)
-    r = checked_positive(gear_ratio, "gear_ratio", n)
+    r = positives(gear_ratio, "gear_ratio", n)
     z_c = friction.presliding
     if not np.any([friction.coulomb, friction.breakaway, friction.offset]):
         builder = DiagramBuilder()

@@ -3,7 +3,7 @@ from __future__ import annotations
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from sdt_drake.io.errors import checked_count
+from sdt_drake.io.arguments import whole_number
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
 from sdt_drake.systems.wiring import build
 
@@ -27,7 +27,7 @@ def gain_schedule(*, n: int) -> Diagram:
         input_ports: [reference, inertia_share, measured]
         output_ports: [weighted_reference, weighted_measured]
     """
-    checked_count(n, "n")
+    whole_number(n, "n")
 
     def law(signal: Symbols, share: Symbols) -> list[Expression]:
         return [*signal[:n], *(share * signal[n : 2 * n]), *signal[2 * n :]]

@@ -6,7 +6,7 @@ from pydrake.systems.controllers import InverseDynamicsController
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, Demultiplexer, Gain, MatrixGain, Multiplexer
 
-from sdt_drake.io.errors import checked_positive
+from sdt_drake.io.arguments import positives
 from sdt_drake.robot.robot import Robot
 from sdt_drake.systems.wiring import build
 
@@ -36,8 +36,8 @@ def inverse_dynamics_controller(*, model: Robot, omega_n: ArrayLike, zeta: Array
         output_ports: [tau_fb]
     """
     # Checked here: Drake's controller ends the process at lengths that do not fit.
-    omega_n = checked_positive(omega_n, "omega_n", n := model.n)
-    zeta = checked_positive(zeta, "zeta", n)
+    omega_n = positives(omega_n, "omega_n", n := model.n)
+    zeta = positives(zeta, "zeta", n)
     builder = DiagramBuilder()
     reference = builder.AddNamedSystem("reference", Demultiplexer([2 * n, n]))
     law = InverseDynamicsController(

@@ -9,8 +9,8 @@ from weakref import proxy
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
+from sdt_drake.io.arguments import one_of
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import checked_choice
 from sdt_drake.robot.dynamics import SIGNS, Loads, decouple, groups_of_sample
 from sdt_drake.robot.robot import Robot
 
@@ -91,7 +91,7 @@ class LoadTorque(ReferenceTorque):
     __slots__ = ()
 
     def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:
-        checked_choice(algorithm, SIGNS, "algorithm")
+        one_of(algorithm, "algorithm", SIGNS)
 
         def law(groups: Sequence[Array], _v: Array, _vd: Array) -> Loads:
             inertial, reaction, velocity, gravity = groups

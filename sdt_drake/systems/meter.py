@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
+from sdt_drake.io.arguments import positives
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import checked_positive
 
 _UNIT = 1e12  # unit of the integral [-]: makes it negligible in the integrator's error control
 
@@ -35,7 +35,7 @@ def add_meter(
     Returns:
         Output of length 4n: the three torques and the integral.
     """
-    limit = checked_positive(motor_torque_limit, "motor_torque_limit")
+    limit = positives(motor_torque_limit, "motor_torque_limit")
     n = len(limit)
     # Named "log.": `blocks_of` leaves measuring blocks out.
     zero, one = np.zeros((n, n)), np.eye(n)

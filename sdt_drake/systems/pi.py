@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
-from sdt_drake.io.errors import checked_choice, checked_positive
+from sdt_drake.io.arguments import one_of, positives
 from sdt_drake.systems.gains import STRUCTURES, SpeedGains
 from sdt_drake.systems.wiring import build, set_state
 
@@ -47,9 +47,9 @@ def pi_speed_controller(
         input_ports: [reference, measured]
         output_ports: [tau_fb]
     """
-    checked_choice(structure, STRUCTURES, "structure")
+    one_of(structure, "structure", STRUCTURES)
     n, kp = len(gains.kp), gains.kp
-    r = np.diag(checked_positive(gear_ratio, "gear_ratio", n))
+    r = np.diag(positives(gear_ratio, "gear_ratio", n))
     zero, one = np.zeros((n, n)), np.eye(n)
     integrator: System = Integrator(n)
     if period is not None:

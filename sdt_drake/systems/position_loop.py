@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
-from sdt_drake.io.errors import checked_positive
+from sdt_drake.io.arguments import positives
 from sdt_drake.systems.wiring import build
 
 
@@ -26,7 +26,7 @@ def position_loop(*, position_gain: ArrayLike) -> Diagram:
         input_ports: [reference, sampled_state]
         output_ports: [speed_reference]
     """
-    position_gain = checked_positive(position_gain, "position_gain")
+    position_gain = positives(position_gain, "position_gain")
     n = len(position_gain)
     law = np.eye(3 * n, 5 * n)
     law[n : 2 * n, :n] = np.diag(position_gain)

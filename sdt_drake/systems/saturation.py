@@ -6,7 +6,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Saturation
 
-from sdt_drake.io.errors import InputError, checked_positive
+from sdt_drake.io.arguments import positives
+from sdt_drake.io.errors import InputError
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.envelope import widened as widened_by
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
@@ -48,7 +49,7 @@ def dynamic_saturation(
     """
     if (n1 is None) != (n0 is None):
         raise InputError("one is missing, expected both or neither", place="n1, n0")
-    limit = checked_positive(motor_torque_limit, "motor_torque_limit")
+    limit = positives(motor_torque_limit, "motor_torque_limit")
     n = len(limit)
     rated, no_load = (np.broadcast_to(np.inf if w is None else w, n) for w in (n1, n0))
     envelope = Envelope(rated, no_load, "")

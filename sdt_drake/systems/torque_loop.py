@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
+from sdt_drake.io.arguments import positives
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import checked_positive
 from sdt_drake.systems.wiring import build, set_state
 
 
@@ -67,4 +67,4 @@ def _unit(motor_torque_limit: ArrayLike) -> Array:
     the limit at the default accuracy. 100 limits need up to 30 % fewer evaluations of the loop, and
     give 7e-3.
     """
-    return 30 * checked_positive(motor_torque_limit, "motor_torque_limit")
+    return 30 * positives(motor_torque_limit, "motor_torque_limit")

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from sdt_drake.io import errors, files
+from sdt_drake.io import files
+from sdt_drake.io.arguments import finite_number, positive, whole_periods
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_input, checked_output, keeping_inputs, read_text, replacing
 from sdt_drake.io.resources import find_file
@@ -101,9 +102,9 @@ def test_a_folder_is_for_one_at_a_time(tmp_path):
 
 
 def test_numbers_at_their_bounds(path):
-    assert read_text(path, 3) == "old" and errors.checked_number(0, "x", minimum=0) == 0
+    assert read_text(path, 3) == "old" and finite_number(0, "x", minimum=0) == 0
     refused("file.csv: 3 bytes, expected at most 2", read_text, path, 2)
     with pytest.raises(InputError, match=r"^x: 0, expected a finite number > 0$"):
-        errors.checked_number(0, "x", minimum=0, exclusive=True)
-    assert errors.whole_periods(0.1 + 0.2, 0.005, "x") == 60  # but for round-off
-    refused(r"x: 0\.3004 s is not a whole", errors.whole_periods, 0.3004, 0.005, "x")
+        positive(0, "x")
+    assert whole_periods(0.1 + 0.2, 0.005, "x") == 60  # but for round-off
+    refused(r"x: 0\.3004 s is not a whole", whole_periods, 0.3004, 0.005, "x")

@@ -7,7 +7,7 @@ import math
 import pickle
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -315,3 +315,10 @@ def test_what_the_kind_of_controller_or_plant_would_not_use(kinds, field, value,
         changed("coupled_pi", fields)
         with pytest.raises(InputError, match=f": {field}: {re.escape(line.format(kind))}.*$"):
             changed("coupled_pi", fields | {field: value})
+
+
+def test_a_model_without_a_file_has_a_schema_too():
+    """As those of controllers in files that are run; its fields have no descriptions then."""
+    made_here: dict[str, Any] = {"Input": Input, "dataclass": dataclass}
+    exec("@dataclass(frozen=True)\nclass Own(Input):\n    x: float = 1.0\n", made_here)
+    assert schema_of(made_here["Own"])["properties"] == {"x": {"default": 1.0, "type": "number"}}

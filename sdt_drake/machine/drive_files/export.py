@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.arguments import a_path, like, takes
+from sdt_drake.io.arguments import MAX_PERIODS, a_path, instance_of, takes, whole_number
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MAX_PERIODS, InputError, checked_count, within
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.files import checked_output, replacing_files, write_text
 from sdt_drake.io.markdown import escaped
 from sdt_drake.io.results import Results
@@ -68,7 +68,7 @@ class Fed:
     """RMS speed error of the run against the planned motion [rad/s], shape (n,)."""
 
 
-@takes(folder=a_path, title=like(str))
+@takes(folder=a_path, title=instance_of(str))
 def export(
     design: Design | Scenario,
     drives: Drives | str | Path,
@@ -103,7 +103,7 @@ def export(
         >>> files[1].source, float(np.rad2deg(files[1].position_error.max()).round(2))  # deg
         ('set_points.csv', 0.98)
     """
-    if checked_count(cam_points, "cam_points") < 2:
+    if whole_number(cam_points, "cam_points") < 2:
         raise InputError(f"{cam_points}, expected at least 2", place="cam_points")
     design, source, folder = as_design(design), "drives", Path(folder)
     if not isinstance(drives, Drives):

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.arguments import a_path, positive, share, takes
+from sdt_drake.io.arguments import a_path, finite_number, positive, share, takes, whole_periods
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_number, whole_periods, within
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.progress import work
 from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
@@ -102,7 +102,7 @@ def _columns(value: FlightColumns | str | Path, name: str) -> object:
 
 def _resultant(value: float, name: str) -> float:
     """Check a resultant before and after the flight [G]."""
-    if not 1 <= checked_number(value, name) <= 10:
+    if not 1 <= finite_number(value, name) <= 10:
         raise InputError(f"{value:g} G, expected 1 to 10 G", place=name)
     return float(value)
 

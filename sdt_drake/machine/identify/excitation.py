@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sdt_drake.io.arguments import positives
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_positive
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.progress import work
 from sdt_drake.machine.identify.limits import Limits
@@ -189,7 +190,7 @@ def excite(
 
     robot = target.robot
     if acceleration is not None:
-        acceleration = checked_positive(acceleration, "acceleration", robot.n).tolist()
+        acceleration = positives(acceleration, "acceleration", robot.n).tolist()
     limits = Limits.of(robot, margin, gently, acceleration)
 
     def better(problem: _Problem, x: Array, rounds: int) -> tuple[float, _Problem, Array]:

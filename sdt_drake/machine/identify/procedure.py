@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sdt_drake.io.arguments import positive
+from sdt_drake.io.arguments import one_of, positive
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice, checked_number, retelling
+from sdt_drake.io.errors import InputError, retelling
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.diagnose.fit import standing_still, suspicious_torques, weakly_excited
@@ -169,10 +169,10 @@ def identify(
         4 yaw                  19.56            0.05
     """
     if only is not None:
-        checked_choice(only, ONLY, "only")
+        one_of(only, "only", ONLY)
     if cutoff is not None:
         positive(cutoff, "cutoff")
-    if checked_number(held_out, "held_out", minimum=0, exclusive=True) >= 1:
+    if positive(held_out, "held_out") >= 1:
         raise InputError(f"{held_out:g}, expected less than 1", place="held_out")
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     fitted, judged = (

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.arguments import like, takes
-from sdt_drake.io.errors import checked_choice, checked_count, checked_number
+from sdt_drake.io.arguments import finite_number, instance_of, one_of, takes, whole_number
 from sdt_drake.io.trust import trusting
 from sdt_drake.machine.learn.filter import (
     Convergence,
@@ -26,7 +25,7 @@ from sdt_drake.studies.devices import devices_of
 from sdt_drake.studies.study import load_study
 
 
-@takes(stops=like(bool), report=like(Callable))
+@takes(stops=instance_of(bool), report=instance_of(Callable))
 def learn(
     design: Design | Scenario,
     *,
@@ -70,7 +69,7 @@ def learn(
         >>> [float(np.rad2deg(flight.largest.max()).round(3)) for flight in lessons.flights]  # deg
         [0.058, 0.013]
     """
-    checked_count(flights, "flights")
+    whole_number(flights, "flights")
     design = as_design(design)
     with trusting(trust):
         filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
@@ -90,13 +89,13 @@ def learning_filter(
 
     The arguments are those of `learn`.
     """
-    checked_choice(of, LEARNED, "of")
-    checked_count(draws, "draws")
+    one_of(of, "of", LEARNED)
+    whole_number(draws, "draws")
     devices = {}
     if study is not None:
         drawn, base = load_study(study)
         devices[f"the devices of {drawn.name}"] = devices_of(design, drawn, base, draws)
     loops = loops_of(design, of, devices=devices)
-    omega = None if bandwidth is None else 2 * np.pi * checked_number(bandwidth, "bandwidth")
+    omega = None if bandwidth is None else 2 * np.pi * finite_number(bandwidth, "bandwidth")
     filter_ = design_filter(design, loops, of, bandwidth=omega)
     return filter_, [convergence(filter_, group) for group in loops]

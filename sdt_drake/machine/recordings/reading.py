@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.arguments import a_path
+from sdt_drake.io.arguments import a_path, one_of
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.machine.recordings.columns import (
     ANGLES,
@@ -64,7 +64,7 @@ def read_recording(
             The error gives the file, and the column or line.
     """
     if side is not None:
-        checked_choice(side, SIDES, "side")
+        one_of(side, "side", SIDES)
     if columns is None:
         try:
             return read_recording(path, robot, Columns(), needs=needs, side=side)

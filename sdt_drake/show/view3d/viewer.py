@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
-from sdt_drake.io.arguments import a, a_path, like, takes
+from sdt_drake.io.arguments import a_path, instance_of, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_output, checked_suffix, write_text
@@ -103,7 +103,7 @@ class Animation:
         write_text(checked_suffix(Path(path), PAGES), self._page)
 
 
-@takes(recording=a(Recording, "sdt_drake.simulate"), pilot=like(bool))
+@takes(recording=instance_of(Recording, "sdt_drake.simulate"), pilot=instance_of(bool))
 def view(
     design: Design | Scenario, recording: Recording | None = None, *, pilot: bool = False
 ) -> Animation:
