@@ -87,11 +87,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code, lines = BAD_INPUT, [f"{text} (see {prog} --help)"]
     except InputError as error:
         code, lines = BAD_INPUT, error.lines
-    except (BrokenPipeError, SystemExit):  # rich raises SystemExit for a closed pipe
+    except BrokenPipeError:
         pass  # the reader of our output has ended
     except OSError as error:
         code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a library or own code may raise the latter
         if "--traceback" in arguments:
             traceback.print_exc()
         fault = f"internal error, {type(error).__name__} ({error})"

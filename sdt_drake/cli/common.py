@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -320,9 +321,10 @@ def deliver(
 
     Args:
         out, show: the options, checked by `check_out`.
-        figure: draws the figure; called only if it is needed.
+        figure: draws the figure; called once, and only if it is needed.
         write: writes a file that is no figure.
     """
+    figure = cache(figure)
     if out is not None:
         if out.suffix in FIGURES:
             from sdt_drake.show.style import save

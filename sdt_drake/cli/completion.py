@@ -21,7 +21,8 @@ def names(*kinds: str) -> Callable[[CompletionContext], list[str]]:
     def complete(context: CompletionContext) -> list[str]:
         found = glob.glob(f"{glob.escape(context.incomplete)}*")
         # A folder is completed with its content. Alone, the shell would end the word after it.
-        below = (x for path in found if os.path.isdir(path) for x in glob.glob(f"{path}/*"))
+        folders = [path for path in found if os.path.isdir(path)]
+        below = (x for path in folders for x in glob.glob(f"{glob.escape(path)}/*"))
         return [*shipped(*kinds), *found, *below]
 
     return complete

@@ -8,7 +8,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import IO, TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.text import Text
@@ -30,10 +30,17 @@ def line_width() -> int:
     return min(max(shutil.get_terminal_size().columns, _MIN_WIDTH), _MAX_WIDTH)
 
 
+class _Console(Console):
+    """A console that goes on without output after its reader has ended."""
+
+    def on_broken_pipe(self) -> None:  # rich's own raises SystemExit
+        stop_printing(self.file)
+
+
 def _console(*, stderr: bool = False) -> Console:
     """Make a console without rich's own reading of $COLUMNS and $LINES."""
     height = max(shutil.get_terminal_size().lines, 1)
-    return Console(width=line_width(), height=height, stderr=stderr)
+    return _Console(width=line_width(), height=height, stderr=stderr)
 
 
 console, errors = _console(), _console(stderr=True)
@@ -96,7 +103,7 @@ def echo(text: str = "", style: str = "") -> None:
         stop_printing(sys.stdout)
 
 
-def stop_printing(stream: TextIO) -> None:
+def stop_printing(stream: IO[str]) -> None:
     """Send the rest of a stream's output to the null device, because its reader has ended."""
     # Otherwise Python would report the broken pipe again at exit.
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -9,6 +9,7 @@ import filecmp
 import itertools
 import math
 import os
+import re
 import shutil
 import stat
 import unicodedata
@@ -23,11 +24,34 @@ _outputs: set[Path] = set()  # files to be replaced by the command
 
 _IS_READ = "is read by this command; choose another file to write"
 
+_BEGINNINGS = {
+    ".csv": rb"[^\n\0]*[,;\t]",
+    ".dot": rb"\s*(strict\s|digraph|graph)",
+    ".fmu": rb"PK",
+    ".html": rb"(?i)\s*<(!doctype html|html)",
+    ".json": rb"\s*[\[{]",
+    ".mat": rb"MATLAB|\x89HDF",
+    ".parquet": rb"PAR1",
+    ".pdf": rb"%PDF",
+    ".png": rb"\x89PNG",
+    ".sdf": rb"\s*<",
+    ".svg": rb"\s*<",
+}
+"""Patterns of the beginning of files, by suffix; other files hold text."""
+_TEXT = rb"[^\0]*\Z"
+_BEGINNING = 4096  # bytes
+
 
 @contextlib.contextmanager
 def keeping_inputs() -> Iterator[None]:
-    """Protect files in the block: inputs and files of another kind are never replaced."""
+    """Protect files in the block: inputs and files of another kind are never replaced.
+
+    A block within another one protects the files of both.
+    """
     global _inputs
+    if _inputs is not None:
+        yield
+        return
     _inputs = set()
     try:
         yield
@@ -73,11 +97,14 @@ def checked_output(path: Path) -> Path:
     """Return the path of a file to be written. Call this before the computation.
 
     Raises:
-        InputError: a folder, a device, a broken link, or an input of the command.
+        InputError: a folder, a device, a broken link, an input of the command, or a file whose
+            content is not of the kind that its suffix says.
     """
     if _status(path) is not None and _inputs is not None:
         _outputs.add(path.resolve())
-    return _separate(path)
+        _separate(path)
+        _check_kind(path)
+    return path
 
 
 def checked_suffix(path: Path, suffixes: Sequence[str]) -> Path:
@@ -172,7 +199,11 @@ def replacing_all(paths: Sequence[Path], *, protected: bool = True) -> Iterator[
 
     Signals wait until all have been replaced, and until all temporary files are removed.
     """
-    is_there = [_status(path) is not None for path in paths]
+    old = [path for path in paths if _status(path) is not None]
+    if not protected or _inputs is None:
+        old = []
+    for path in old:
+        _check_kind(path)
     targets = [path.resolve() for path in paths]
     # Random names, because two processes may write the same file.
     partials = [
@@ -183,10 +214,8 @@ def replacing_all(paths: Sequence[Path], *, protected: bool = True) -> Iterator[
             try:
                 with released():
                     yield partials
-                    if protected and _inputs is not None:
-                        for path, old, partial in zip(paths, is_there, partials, strict=True):
-                            if old:
-                                _check_replaceable(path, partial)
+                    for path in old:
+                        _check_no_input(path, partials[paths.index(path)])
                 for partial, target in zip(partials, targets, strict=True):
                     partial.replace(target)
                 _outputs.difference_update(targets)
@@ -213,17 +242,19 @@ def _made(folders: Iterable[Path]) -> Iterator[None]:
                 place.rmdir()
 
 
-def _check_replaceable(path: Path, new: Path) -> None:
-    """Refuse to replace an input by other content, or a file of another kind."""
+def _check_no_input(path: Path, new: Path) -> None:
+    """Refuse to replace an input by other content."""
     if path.resolve() in (_inputs or ()) and not filecmp.cmp(path, new, shallow=False):
         raise InputError(f"{path}: {_IS_READ}")
-    if path.suffix == ".txt":  # notes may begin with any text
-        return
-    with path.open("rb") as old, new.open("rb") as file:
-        if not file.read(4).startswith(old.read(4)):  # empty files may be replaced
-            raise InputError(
-                f"{path}: holds something else than this command writes; choose another name"
-            )
+
+
+def _check_kind(path: Path) -> None:
+    """Refuse to replace a file whose content is not of the kind that its suffix says."""
+    with path.open("rb") as file:
+        beginning = file.read(_BEGINNING)
+    if beginning and not re.match(_BEGINNINGS.get(path.suffix, _TEXT), beginning):
+        kind = f"is no {path.suffix} file" if path.suffix in _BEGINNINGS else "holds no text"
+        raise InputError(f"{path}: {kind} and would be replaced; choose another name")
 
 
 @contextlib.contextmanager

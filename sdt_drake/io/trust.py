@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import checked_input, checked_name, replacing
+from sdt_drake.io.files import alone_in, checked_input, checked_name, replacing
 
 Ask = Callable[[str, str], bool]
 """A function of the path and the SHA-256 of a file: True if the file may be run."""
@@ -63,9 +63,11 @@ def keep(path: str, digest: str) -> None:
     Raises:
         InputError: the user's file of trusted files is broken or cannot be written.
     """
-    text = json.dumps({**_kept(), path: digest}, indent=1) + "\n"
-    with replacing(_place(), protected=False) as partial:  # users edit it
-        partial.write_text(text, encoding="utf-8")
+    place = _place()
+    with alone_in(place.parent, lambda: None):  # another process may store an answer, too
+        text = json.dumps({**_kept(), path: digest}, indent=1) + "\n"
+        with replacing(place, protected=False) as partial:  # users edit it
+            partial.write_text(text, encoding="utf-8")
 
 
 @contextlib.contextmanager

@@ -35,9 +35,8 @@ def crowded(desk):
         (desk.parent / "given" / name).write_text(text, encoding="utf-8")
     for folder in ("folder.png", "used"):
         (desk / folder).mkdir()
-    for name in ("file", "used/notes.txt", "cam.csv"):
+    for name in ("file", "file.csv", "used/notes.txt", "cam.csv"):
         (desk / name).write_text("mine")
-    (desk / "other.csv").write_text("date,amount\n")
     (desk / "other.html").write_text("<p>mine</p>")
     moved = np.sin(np.pi * TIME / TIME[-1])[:, None] ** 2 * [0.01, 0.02, 0.02, 0.05]
     write_table(desk / "moved.csv", TIME, {"v_ref": moved})
@@ -74,14 +73,12 @@ def nothing_simulated(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", TABLE["lines"])
-def test_a_mistake_is_one_line(kind, call, crowded, request, file_regression):
-    if kind != "files that are not replaced":  # whose content is looked at when all is computed
-        request.getfixturevalue("nothing_simulated")
+def test_a_mistake_is_one_line(kind, call, crowded, nothing_simulated, file_regression):
     before = times(crowded.parent)
     said = []
     for line in TABLE["lines"][kind]:
         done = call(*shlex.split(line))
-        assert done.code == 2 and (done.out == "" or kind == "files that are not replaced"), line
+        assert done.code == 2 and done.out == "", line
         assert is_one_line(done.err), (line, done.err)
         assert times(crowded.parent) == before, line
         said.append(f"$ {line}\n{done.err.removeprefix('sdt-drake: ')}")

@@ -10,10 +10,12 @@ import warnings
 
 import pytest
 from command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program, refused
+from matplotlib.figure import Figure
 
 import sdt_drake
 from sdt_drake.cli import COMMANDS, printing
 from sdt_drake.cli import app as cli
+from sdt_drake.cli.common import deliver
 
 
 def test_help_lists_all_commands_and_version(good):
@@ -38,12 +40,15 @@ def test_terminals_of_any_width(call, columns, line, monkeypatch):
 
 def test_completion_knows_shipped_names_files_fields_and_options(desk, tmp_path):
     (desk / "coupled_own.yaml").touch()
+    (desk / "c[ou]*").mkdir()
+    (desk / "c[ou]*" / "mine.yaml").touch()
     (tmp_path / "sdt-drake").write_text(f'#!/bin/sh\nexec {sys.executable} -m sdt_drake "$@"\n')
     (tmp_path / "sdt-drake").chmod(0o755)
     script = cli.commands().generate_completion(shell="bash")
     lines = {
         "simulate coupled_": {"coupled_pi", "coupled_pi_ctc", "coupled_own.yaml"},
         "plan leans --robot s": {"sdt"},
+        "plan c[": {"c[ou]*", "c[ou]*/mine.yaml"},
         "si": {"simulate", "size"},
         "plan --planner l": {"limiter"},
         "bode coupled_pi --set plant.ki": {"plant.kind=axis", "plant.kind=coupled"},
@@ -56,7 +61,9 @@ def test_completion_knows_shipped_names_files_fields_and_options(desk, tmp_path)
         code += f"\nCOMP_WORDS=({words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _sdt_drake"
         code += '\nprintf "%s " "${COMPREPLY[@]}"; echo'
     path = f"{tmp_path}:{os.environ['PATH']}"
-    done = subprocess.run(["bash", "-c", code], capture_output=True, text=True, env={"PATH": path})
+    done = subprocess.run(
+        ["bash", "-c", code], capture_output=True, text=True, env=os.environ | {"PATH": path}
+    )
     assert done.stderr == ""
     assert [set(shlex.split(x)) for x in done.stdout.splitlines()] == [*lines.values()]
 
@@ -113,6 +120,19 @@ def test_a_fault_is_one_short_line_and_a_warning_another(call, monkeypatch):
     done = call("step", "--zeta", "2", "--traceback")
     assert done.code == 70 and "Traceback" in done.err and "in run\n" in done.err
     assert call("step", "--zeta", "1") == (1, "done\n", "sdt-drake: warning: two lines\n")
+
+
+def test_a_library_that_wants_to_exit_is_a_fault(call, monkeypatch):
+    monkeypatch.setattr("sdt_drake.cli.step.run", lambda: sys.exit(0))
+    done = call("step")
+    assert done.code == 70 and "internal error, SystemExit (0)" in done.err
+
+
+def test_a_figure_that_is_written_and_shown_is_drawn_once(desk, monkeypatch):
+    drawn, shown = [], []
+    monkeypatch.setattr("sdt_drake.show.style.show", shown.append)
+    deliver(desk / "a.svg", True, lambda: drawn.append(Figure()) or drawn[-1], None)
+    assert shown == drawn and len(drawn) == 1 and (desk / "a.svg").exists()
 
 
 # --- streams --------------------------------------------------------------------------------------

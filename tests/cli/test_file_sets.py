@@ -39,7 +39,7 @@ def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
 
 def test_nothing_is_left_of_a_set_that_may_not_move(folder):
     before = command_line.snapshot(folder)
-    refused = pytest.raises(InputError, match=r"a\.csv: holds something else")
+    refused = pytest.raises(InputError, match=r"a\.csv: is no \.csv file")
     with keeping_inputs(), refused, replacing_files(folder) as new:
         write_text(new / "a.csv", "new")
         write_text(new / "below/b.csv", "new")

@@ -56,33 +56,48 @@ def test_links_stay_links_and_lead_somewhere(path):
 @pytest.mark.parametrize("alias", ["file.csv", "../{}/file.csv", "link"])
 def test_what_is_read_is_replaced_by_the_same_only(path, alias):
     other = path.parent / alias.format(path.parent.name)
+    path.write_text("a,b")
     with keeping_inputs():
         checked_input(Path(__file__))
         checked_input(path)
-        write(other, "old")  # as a study that goes on does
-        refused("is read by this command", write, other, "old and more")
+        write(other, "a,b")  # as a study that goes on does
+        with keeping_inputs():  # a block within leaves the protection as it is
+            refused("is read by this command", write, other, "a,b and more")
+        refused("is read by this command", write, other, "a,b and more")
         refused("is read by this command; choose another file", checked_output, other)
     with keeping_inputs():
         checked_output(other)
         refused("is read by this command", checked_input, path)
     with keeping_inputs():
-        write(other, "older")
-        assert read_text(path, 10) == "older"  # what was written is read
+        write(other, "c,d")
+        assert read_text(path, 10) == "c,d"  # what was written is read
 
 
-KINDS = [("", "new"), ("new", "new"), ("other", "other"), ("\0", "\0")]
+KINDS = {
+    "a.csv": ("time,v_1\n0,0\n", "a letter"), "a.png": ("\x89PNG", "GIF89a"),
+    "a.pdf": ("%PDF-1.4", "x"), "a.html": ("\n<!DOCTYPE html>", "<p>mine</p>"),
+    "a.json": (' {"a": 1}', "a: 1"), "a.fmu": ("PK", "x"), "a.svg": ("<svg/>", "{}"),
+    "a.sdf": ("<?xml?>", "name: x"), "a.dot": ("digraph {}", "a -> b"),
+    "a.txt": ("any text", "\0"), "a.yaml": ("a: 1", "\x89PNG\0"), "a.mat": ("MATLAB 5.0", "a,b"),
+    "a.parquet": ("PAR1", "a,b"),
+}  # fmt: skip
+"""Content that may be replaced, by the name of its file, and content that may not."""
 
 
-@pytest.mark.parametrize("old, after", KINDS)
-def test_a_file_of_another_kind_is_not_replaced(path, old, after):
-    path.write_text(old)
-    with keeping_inputs():
-        if after == "new":
-            write(path)
-        else:
-            refused("holds something else than this command", write, path)
-    assert path.read_text() == after
-    assert {path.name for path in path.parent.iterdir()} == {"file.csv", "link"}
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_of_another_kind_is_not_replaced_and_told_before_work(tmp_path, name):
+    path = tmp_path / name
+    for old in ("", *KINDS[name]):
+        path.write_text(old, encoding="latin-1")
+        with keeping_inputs():
+            if old != KINDS[name][1]:
+                checked_output(path)
+                write(path)
+                continue
+            for use in (checked_output, write):
+                refused("would be replaced; choose another name", use, path)
+        assert path.read_text(encoding="latin-1") == old
+    write(path)  # Python replaces any file
 
 
 def test_two_that_write_the_same_file_do_not_meet(path):

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import multiprocessing
 import os
 import shutil
 import sys
@@ -110,6 +111,12 @@ def test_an_answer_is_kept_in_a_list_that_was_edited(call, own, monkeypatch):
     kept().write_text('{"/a": "b"}')
     assert call("tune", "../given/own.yaml").code == 0
     assert json.loads(kept().read_text()) == {"/a": "b", str(own): digest(own)}
+
+
+def test_answers_given_at_once_are_all_kept():
+    with multiprocessing.get_context("spawn").Pool(4) as pool:
+        pool.starmap(trust.keep, [(f"/{k}", "x") for k in range(40)], chunksize=10)
+    assert json.loads(kept().read_text()) == {f"/{k}": "x" for k in range(40)}
 
 
 def test_the_bytes_that_are_run_are_those_that_were_judged(own):
