@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.tracking import track
     from sdt_drake.analysis.tuning import tune
     from sdt_drake.io.errors import InputError
+    from sdt_drake.machine.cueing.procedure import fly
     from sdt_drake.machine.drive_files.export import export
-    from sdt_drake.machine.fly.procedure import fly
     from sdt_drake.machine.identify.judge import judge
     from sdt_drake.machine.identify.procedure import identify
     from sdt_drake.machine.learn.procedure import learn
@@ -62,7 +62,7 @@ _PLACES = {
     "replay": "machine.replay:replay",
     "learn": "machine.learn.procedure:learn",
     "export": "machine.drive_files.export:export",
-    "fly": "machine.fly.procedure:fly",
+    "fly": "machine.cueing.procedure:fly",
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",

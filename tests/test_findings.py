@@ -12,8 +12,8 @@ import pytest
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
-from sdt_drake.machine.fly.flight import read_flight
-from sdt_drake.machine.fly.option import Option, percept_of
+from sdt_drake.machine.cueing.candidate import Candidate, percept_of
+from sdt_drake.machine.cueing.flight import read_flight
 from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.flights import learn
 from sdt_drake.machine.learn.loops import loops_of
@@ -141,7 +141,7 @@ def test_a_device_at_rest_feels_more_like_the_turn_than_its_motion(robot):
     )
     flight, model, approach = read_flight("turn"), load_perception("slow_yaw"), 15.0
     still = np.zeros((round((flight.duration + 2 * approach) / 0.005) + 1, 4))
-    rest = Option("rest", robot, Motion(0.005, still, still, still), flight, approach, model)
+    rest = Candidate("rest", robot, Motion(0.005, still, still, still), flight, approach, model)
     time = np.arange(0, flight.duration, 0.02)
     found = rest.figures(percept_of(model, time, *flight.at(time)))
     assert found["felt_rotation_rms_deg_s"] == pytest.approx(rotation, abs=0.051)

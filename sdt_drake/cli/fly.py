@@ -56,8 +56,8 @@ def run(
         alone: leave out the search without torque limits and the Pareto front
     """
     from sdt_drake.cli.plan import driven
+    from sdt_drake.machine.cueing.flight import read_flight
     from sdt_drake.machine.diagnose.flight import check_flight
-    from sdt_drake.machine.fly.flight import read_flight
     from sdt_drake.pilot.orientation import CAUTION
     from sdt_drake.show.reports.fly import FILES, write_flown
 

@@ -17,10 +17,10 @@ import numpy as np
 from timing import head, row
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.fly import procedure
-from sdt_drake.machine.fly.flight import make_flight, read_flight
-from sdt_drake.machine.fly.procedure import fly
-from sdt_drake.machine.fly.program import RATE
+from sdt_drake.machine.cueing import procedure
+from sdt_drake.machine.cueing.flight import make_flight, read_flight
+from sdt_drake.machine.cueing.procedure import fly
+from sdt_drake.machine.cueing.program import RATE
 from sdt_drake.motion import load_plan, shipped_motions
 from sdt_drake.pilot.head import head_motion
 from sdt_drake.pilot.perception import LINEAR

@@ -18,8 +18,8 @@ import yaml
 from figures import check_same_text
 
 from sdt_drake.cli import COMMANDS
-from sdt_drake.machine.fly import procedure
-from sdt_drake.machine.fly.flight import read_flight
+from sdt_drake.machine.cueing import procedure
+from sdt_drake.machine.cueing.flight import read_flight
 
 TABLE = yaml.safe_load(Path(__file__).with_name("commands.yaml").read_text(encoding="utf-8"))
 ELBOW = re.compile("<link name='lower'>.*?</link>|<joint name='elbow'.*?</joint>")

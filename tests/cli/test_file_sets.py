@@ -61,7 +61,7 @@ COMMANDS = {
     "export --drive drives": (EXPORTED, "run.design.make_design"),
     "learn wrong_model": (learning.ALL_FILES, "run.design.make_design"),
     "reproduce": (files.FILES, "paper.reproduction.reproduce"),
-    "fly sdt turn": (flown_files.FILES, "machine.fly.procedure.fly"),
+    "fly sdt turn": (flown_files.FILES, "machine.cueing.procedure.fly"),
     "size sizing": (("sizing.txt", "candidates.csv"), "studies.execute.run_study"),
 }
 """Commands with the files that they write, and what computes them."""

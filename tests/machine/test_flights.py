@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from strategies import GENERATORS
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.cueing.flight import FlightColumns, make_flight, read_flight
 from sdt_drake.machine.diagnose.flight import check_flight
-from sdt_drake.machine.fly.flight import FlightColumns, make_flight, read_flight
 from sdt_drake.pilot.head import GRAVITY
 
 FORCES, RATES = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}, {"rad/s": 1.0, "deg/s": np.pi / 180}

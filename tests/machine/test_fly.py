@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import watching
-from sdt_drake.machine.fly import procedure
-from sdt_drake.machine.fly.flight import make_flight, read_flight
-from sdt_drake.machine.fly.procedure import fly
-from sdt_drake.machine.fly.program import Aim, Course, rated
+from sdt_drake.machine.cueing import procedure
+from sdt_drake.machine.cueing.flight import make_flight, read_flight
+from sdt_drake.machine.cueing.procedure import fly
+from sdt_drake.machine.cueing.program import Problem, Trajectory, rated
 from sdt_drake.motion import Motion, load_plan
 from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.perception import LINEAR
@@ -76,6 +76,11 @@ def test_a_motion_of_the_device_is_found_again(robot):
     assert np.all(rate < 0.1 * np.array([2.04, 2.07, 1.58]))
 
 
+def test_the_old_name_of_candidates_works_and_warns(flown):
+    with pytest.warns(DeprecationWarning, match="options is candidates now, and goes in 0.7"):
+        assert flown.options == flown.candidates
+
+
 def test_any_robot_with_a_head_flies_within_its_limits(onset):
     robot = loaded(chain_sdf(3, motors={"effort": np.full(3, 20.0)}, extra=FRAME))
     found = fly(robot, onset, compare=False, torque_margin=1.0, g_weight=1.5, **QUICK)
@@ -111,16 +116,16 @@ def test_an_interrupt_keeps_the_best_so_far(robot, onset):
 
 def test_forces_across_the_head_weigh_twice_their_thresholds(robot):
     """At rest, with errors of 1 m/s² along one axis: (W H / s_f)² for 5 knots of 0.4 s."""
-    still = Course(0.4, *np.zeros((3, 5, 4)))
+    still = Trajectory(0.4, *np.zeros((3, 5, 4)))
     force = head_motion(robot, still.q, still.v, still.a).specific_force
     costs = []
     for axis in np.eye(3):
-        aim = Aim(
+        problem = Problem(
             robot, 0.4, force + axis, np.zeros((5, 3)), np.ones((5, 6)), g_weight=3.0,
             torque_share=np.inf, lower=robot.position_lower, upper=robot.position_upper,
             torque_less=np.zeros(4), arm=True,
         )  # fmt: skip
-        costs.append(rated(aim, still).merit)
+        costs.append(rated(problem, still).merit)
     expected = 5 * 0.4 * 3.0 * (np.array([2, 2, 1]) / LINEAR) ** 2
     np.testing.assert_allclose(costs, expected)
 
@@ -130,16 +135,16 @@ def test_a_course_between_knots_is_exact():
     h, a = 0.4, rng.normal(size=(6, 2))
     v = np.vstack([np.zeros(2), np.cumsum(h * (a[1:] + a[:-1]) / 2, axis=0)])
     steps = h * v[:-1] + h * h * (a[:-1] / 3 + a[1:] / 6)
-    course = Course(h, np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), v, a)
-    fine = course.refined()
+    trajectory = Trajectory(h, np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), v, a)
+    fine = trajectory.refined()
     assert fine.knot == 0.2
-    np.testing.assert_array_equal(fine.q[::2], course.q)
+    np.testing.assert_array_equal(fine.q[::2], trajectory.q)
     t = 0.2
     again = fine.v[:-1] + t * (fine.a[1:] + fine.a[:-1]) / 2
     np.testing.assert_allclose(again, fine.v[1:], atol=1e-12)
     again = fine.q[:-1] + t * fine.v[:-1] + t * t * (fine.a[:-1] / 3 + fine.a[1:] / 6)
     np.testing.assert_allclose(again, fine.q[1:], atol=1e-12)
-    motion = course.motion(0.005)
+    motion = trajectory.motion(0.005)
     np.testing.assert_allclose(motion.v[40:-1:40], fine.v[1:-1], atol=1e-12)
 
 
@@ -198,6 +203,8 @@ def test_torque_between_knots_exceeds_an_allowed_share_but_never_the_motors(
     robot, onset, flown, share, is_tightened
 ):
     limit = robot.effort_limit * used(robot, flown.motion) / (1.001 * share)
-    aim = procedure._aim(replace(robot, effort_limit=limit), onset, (4, 4), None, 0.4, share, 1.5)
-    course = SimpleNamespace(motion=lambda period: flown.motion)
-    assert (procedure._tightened(aim, course) is not None) == is_tightened
+    problem = procedure._problem_of(
+        replace(robot, effort_limit=limit), onset, (4, 4), None, 0.4, share, 1.5
+    )
+    trajectory = SimpleNamespace(motion=lambda period: flown.motion)
+    assert (procedure._tightened(problem, trajectory) is not None) == is_tightened

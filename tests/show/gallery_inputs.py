@@ -17,9 +17,10 @@ from sdt_drake.analysis.loop_step import step
 from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.step import StepResponse, step_metrics
 from sdt_drake.analysis.tracking import MotorUse, Tracking, track_head
-from sdt_drake.machine.fly.flight import make_flight
-from sdt_drake.machine.fly.option import Option, percept_of
-from sdt_drake.machine.fly.procedure import Flown
+from sdt_drake.machine.cueing.candidate import Candidate as FlightCandidate
+from sdt_drake.machine.cueing.candidate import percept_of
+from sdt_drake.machine.cueing.flight import make_flight
+from sdt_drake.machine.cueing.procedure import CueingResult
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.learn.filter import Bandwidth, Convergence, LearningFilter
 from sdt_drake.machine.learn.flights import Flight, Lessons, Step
@@ -261,7 +262,7 @@ class Inputs:
 
         def option(name, size):
             motion = Motion.from_speeds(0.02, np.zeros(4), waves(300, 4, period=0.02, size=size))
-            return Option(name, self.robot, motion, flight, 1.0, model)
+            return FlightCandidate(name, self.robot, motion, flight, 1.0, model)
 
         sizes = {"this motion": 0.1, "alignment": 0.2, "classical washout": 0.3, "no limits": 0.15}
         options = [option(name, size) for name, size in sizes.items()]
@@ -276,4 +277,4 @@ class Inputs:
         numbers |= {"perception": model.source, "interrupted": True}
         front = ((0.5, options[1]), (1.0, options[0]))
         felt = percept_of(model, t, force, rate)
-        return Flown(*options, front, felt, numbers)
+        return CueingResult(*options, front, felt, numbers)

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from sdt_drake.machine.cueing.flight import Flight
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.finding import Finding
-from sdt_drake.machine.fly.flight import Flight
 from sdt_drake.pilot.head import GRAVITY
 
 

@@ -14,9 +14,9 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.shown import numbered
-from sdt_drake.machine.fly.option import Option
-from sdt_drake.machine.fly.procedure import Flown
-from sdt_drake.machine.fly.program import MAX_STEPS
+from sdt_drake.machine.cueing.candidate import Candidate
+from sdt_drake.machine.cueing.procedure import CueingResult
+from sdt_drake.machine.cueing.program import MAX_STEPS
 from sdt_drake.motion import margins
 from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.orientation import CAUTION
@@ -35,7 +35,7 @@ _DEVICE = Look(PALETTE[5])
 _MIN_COST = 0.1  # share of an error; a smaller one is not attributed to the torque limits
 
 
-def write_flown(folder: Path, flown: Flown) -> Path:
+def write_flown(folder: Path, flown: CueingResult) -> Path:
     """Write motion, summary and report into a folder, all or none, and return the page's path.
 
     Raises:
@@ -56,7 +56,7 @@ def write_flown(folder: Path, flown: Flown) -> Path:
     return folder / REPORT
 
 
-def fly_report(flown: Flown, folder: Path) -> Report:
+def fly_report(flown: CueingResult, folder: Path) -> Report:
     """Make the report of a flight for a folder."""
     flight, best = flown.chosen.flight, flown.chosen
     panels = _force_panels(best), _attitude_panels(flown), _rotation_panels(best)
@@ -70,7 +70,7 @@ def fly_report(flown: Flown, folder: Path) -> Report:
         )
     except InputError as error:
         not_shown = str(error)
-    figures = [one.figures(flown.felt) for one in flown.options]
+    figures = [one.figures(flown.felt) for one in flown.candidates]
     rate = flight.angular_rate - low_pass_at(flight.time, flight.angular_rate)
     size = np.linalg.norm(flight.specific_force, axis=1) / GRAVITY
     text = render(
@@ -112,7 +112,7 @@ def low_pass_at(time: Array, rate: Array) -> Array:
     return np.stack([np.interp(time, even, column) for column in slow.T], axis=1)
 
 
-def _starts(flown: Flown) -> Table:
+def _starts(flown: CueingResult) -> Table:
     rows = flown.numbers["starts"]
     assert isinstance(rows, list)
     best = min(row["cost"] for row in rows)
@@ -128,14 +128,14 @@ def _starts(flown: Flown) -> Table:
     )  # fmt: skip
 
 
-def _limits(option: Option) -> Table:
+def _limits(candidate: Candidate) -> Table:
     """Make the table of the largest used share of each limit, by joint."""
-    share = margins(option.robot, option.motion).share
+    share = margins(candidate.robot, candidate.motion).share
     return Table(
         ["joint", *(f"{name} [%]" for name in share)],
         [
             [name, *(f"{100 * values[:, k].max():.1f}" for values in share.values())]
-            for k, name in enumerate(numbered(option.robot.joint_names))
+            for k, name in enumerate(numbered(candidate.robot.joint_names))
         ],
     )
 
@@ -148,24 +148,27 @@ def _beside(label: str, x: Array, flown: Array, device: Array, title: str = "") 
     return Panel(title, "time [s]", label, x, lines)
 
 
-def _force_panels(option: Option) -> list[Panel]:
+def _force_panels(candidate: Candidate) -> list[Panel]:
     """Make the panels of resultant G and of specific force along each axis of the head."""
-    flown, own = option.flight.at(option.time)[0] / GRAVITY, option.head.specific_force / GRAVITY
+    flown, own = (
+        candidate.flight.at(candidate.time)[0] / GRAVITY,
+        candidate.head.specific_force / GRAVITY,
+    )
     panels = [
         _beside(
             "G",
-            option.time,
+            candidate.time,
             np.linalg.norm(flown, axis=1),
             np.linalg.norm(own, axis=1),
             "resultant",
         )
     ]
     for k, name in enumerate(CHANNELS[3:]):
-        panels.append(_beside("force [G]", option.time, flown[:, k], own[:, k], name))
+        panels.append(_beside("force [G]", candidate.time, flown[:, k], own[:, k], name))
     return panels
 
 
-def _attitude_panels(flown: Flown) -> list[Panel]:
+def _attitude_panels(flown: CueingResult) -> list[Panel]:
     """Make the panels of felt roll and pitch, with the aircraft's attitude."""
     panels = []
     time, felt, own = flown.chosen.time, flown.felt, flown.chosen.percept
@@ -186,30 +189,30 @@ def _attitude_panels(flown: Flown) -> list[Panel]:
     return panels
 
 
-def _rotation_panels(option: Option) -> list[Panel]:
+def _rotation_panels(candidate: Candidate) -> list[Panel]:
     """Make the panels of the head's rate and its felt error, by axis."""
-    flown, own = option.flight.at(option.time)[1], option.head.angular_velocity
+    flown, own = candidate.flight.at(candidate.time)[1], candidate.head.angular_velocity
     panels = []
     for k, name in enumerate(CHANNELS[:3]):
-        felt = Line("felt error", Look(PALETTE[2]), np.degrees(option.felt_rate_error[:, k]))
+        felt = Line("felt error", Look(PALETTE[2]), np.degrees(candidate.felt_rate_error[:, k]))
         both = np.degrees(flown[:, k]), np.degrees(own[:, k])
-        panel = _beside("rate [deg/s]", option.time, *both, name)
+        panel = _beside("rate [deg/s]", candidate.time, *both, name)
         panels.append(replace(panel, lines=[*panel.lines, felt]))
     return panels
 
 
-def front_figure(flown: Flown) -> Figure:
+def front_figure(flown: CueingResult) -> Figure:
     """Draw felt rotation error over G error, by weight, with the chosen motion and baselines."""
 
-    def place(option: Option) -> tuple[float, float]:
-        figures = option.figures(None)
+    def place(candidate: Candidate) -> tuple[float, float]:
+        figures = candidate.figures(None)
         return figures["g_error_rms"] or 0.0, figures["felt_rotation_rms_deg_s"] or 0.0
 
     with style():
         figure, ((ax,),) = grid(1, 1, panel=(7.2, 3.6), left=0.85)
         ax.plot(*zip(*sorted(place(one) for _, one in flown.front), strict=True),
                 color="0.2", marker="o", markersize=4, label="by weight of G")  # fmt: skip
-        for one, look in zip(flown.options, (_DEVICE, *map(Look, PALETTE[1:4])), strict=False):
+        for one, look in zip(flown.candidates, (_DEVICE, *map(Look, PALETTE[1:4])), strict=False):
             ax.plot(*place(one), color=look.colour, marker="s", linestyle="", label=one.name)
         ax.set_xlabel("G error, RMS [G]")
         ax.set_ylabel("felt rotation error, RMS [deg/s]")

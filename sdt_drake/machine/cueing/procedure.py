@@ -14,13 +14,14 @@ import numpy as np
 
 from sdt_drake.io.arguments import a_path, finite_number, positive, share, takes, whole_periods
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.progress import work
 from sdt_drake.io.shown import Shown, Summary, formatted
-from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
-from sdt_drake.machine.fly.flight import Flight, FlightColumns, read_flight
-from sdt_drake.machine.fly.option import Option, percept_of
-from sdt_drake.machine.fly.program import MAX_STEPS, Aim, Course, fitted, rated, solve
+from sdt_drake.machine.cueing.alignment import Start, aligned, angles, washed_out
+from sdt_drake.machine.cueing.candidate import Candidate, percept_of
+from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
+from sdt_drake.machine.cueing.program import MAX_STEPS, Problem, Trajectory, fitted, rated, solve
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
@@ -51,18 +52,18 @@ _MAX_TILT = 1e-6  # of a vertical axis [rad]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Flown(Shown):
+class CueingResult(Shown):
     """A motion near a flight in force and felt rotation, with other motions to compare."""
 
-    chosen: Option
+    chosen: Candidate
     """The best motion."""
-    alignment: Option
+    alignment: Candidate
     """The best alignment of the device with the flight's force."""
-    washout: Option
+    washout: Candidate
     """The motion of a classical washout."""
-    unlimited: Option | None
+    unlimited: Candidate | None
     """The best motion without limits of torque; None with `compare=False`."""
-    front: tuple[tuple[float, Option], ...]
+    front: tuple[tuple[float, Candidate], ...]
     """Weights of the G error over the given one, in increasing order, with their motions."""
     felt: Percept | None
     """The percept in flight; None if the model has no solution."""
@@ -75,16 +76,22 @@ class Flown(Shown):
         return self.chosen.motion
 
     @property
-    def options(self) -> list[Option]:
+    def candidates(self) -> list[Candidate]:
         """The best motion, and the motions to compare."""
         others = [self.alignment, self.washout, self.unlimited]
         return [self.chosen, *(one for one in others if one is not None)]
+
+    @property
+    def options(self) -> list[Candidate]:
+        """`candidates`, under the name that goes in 0.7."""
+        renamed("options", "candidates")
+        return self.candidates
 
     def summary(self) -> Summary:
         header = ("", "G error [G]", "felt rotation error [deg/s]", "felt vertical [deg]",
                   "largest torque [%]")  # fmt: skip
         rows = []
-        for one in self.options:
+        for one in self.candidates:
             figures = one.figures(self.felt)
             vertical, torque = figures["felt_vertical_rms_deg"], figures["torque_share_max"]
             angle = formatted(math.nan if vertical is None else vertical, ".1f")
@@ -124,22 +131,22 @@ def fly(
     g_weight: float | None = None,
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
-) -> Flown:
+) -> CueingResult:
     """Search for a motion of a device whose force and felt rotation come near those of a flight.
 
         >>> import numpy as np, sdt_drake as sdt
-        >>> from sdt_drake.machine.fly.flight import make_flight
+        >>> from sdt_drake.machine.cueing.flight import make_flight
         >>> time = np.arange(0, 2.01, 0.05)
         >>> pull = 1 + 0.1 * np.sin(np.pi * time / 2) ** 2  # G
         >>> flight = make_flight(time, np.outer(pull, [0, 0, 9.81]), np.zeros((41, 3)))
         >>> quick = {"approach": 1, "departure": 1, "knot": 0.5, "compare": False}
         >>> flown = sdt.fly("sdt", flight, **quick)
-        >>> chosen, alignment, *_ = flown.options
+        >>> chosen, alignment, *_ = flown.candidates
         >>> print(chosen.felt_rotation < 0.5 * alignment.felt_rotation)
         True
         >>> flown.motion.to_csv("motion.csv")
 
-    `sdt.fly("sdt", "turn.csv")` reads a recording. `print(flown)` compares the options.
+    `sdt.fly("sdt", "turn.csv")` reads a recording. `print(flown)` compares the candidates.
 
     The same input gives the same motion. An interrupt (Ctrl-C) ends the search. The best motion so
     far is then changed to keep the limits.
@@ -168,50 +175,50 @@ def fly(
     _check(robot, knot, approach)
     began = clock.process_time()
     ends = (approach, departure)
-    aim = _aim(robot, flight, ends, idle_g, knot, torque_margin, g_weight or _WEIGHT)
-    rough = replace(aim, knot=2 * knot, **{
-        name: getattr(aim, name)[::2] for name in ("force", "rate", "weight")
+    problem = _problem_of(robot, flight, ends, idle_g, knot, torque_margin, g_weight or _WEIGHT)
+    rough = replace(problem, knot=2 * knot, **{
+        name: getattr(problem, name)[::2] for name in ("force", "rate", "weight")
     })  # fmt: skip
-    option = partial(Option, robot=robot, flight=flight, starts_at=approach, model=model)
+    candidate = partial(Candidate, robot=robot, flight=flight, starts_at=approach, model=model)
     every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / _SENSED_PERIOD) + 1)
     felt = percept_of(model, every, *flight.at(every))
 
-    def shown(name: str, course: Course) -> Option:
-        return option(name, motion=course.motion(INTERPOLATION_PERIOD))
+    def shown(name: str, trajectory: Trajectory) -> Candidate:
+        return candidate(name, motion=trajectory.motion(INTERPOLATION_PERIOD))
 
     with work() as report:
-        starts = [(sense, seat) for sense in ((1, -1) if aim.arm else (1,)) for seat in SEATS]
-        x = aligned(aim, starts)
+        starts = [(sense, seat) for sense in ((1, -1) if problem.arm else (1,)) for seat in SEATS]
+        x = aligned(problem, starts)
         alignments = [
             shown(f"alignment, seat at {np.degrees(starts[k][1]):.0f} deg, smoothed {smooth:g} s",
-                  fitted(aim, angles(aim, x[k], smooth, *ends)))
+                  fitted(problem, angles(problem, x[k], smooth, *ends)))
             for k in range(len(SEATS)) for smooth in SMOOTH
         ]  # fmt: skip
         aligned_best = min(alignments, key=lambda one: one.felt_rotation)
-        washout = fitted(aim, angles(aim, washed_out(aim, x[0]), _WASHED_SMOOTH, *ends))
+        washout = fitted(problem, angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends))
         part = _SEARCH_SHARE if compare else 1.0
         search = _Search(lambda done: report(part * done), len(starts) + 1)
         search.run(rough, [angles(rough, one[::2], SMOOTH[0], *ends) for one in x])
-        search.refine(aim)
+        search.refine(problem)
         if g_weight is None:
-            search.weigh(lambda course: shown("", course).beside(aligned_best))
+            search.weigh(lambda trajectory: shown("", trajectory).beside(aligned_best))
         search.polish()
-        aim, chosen = search.best
+        problem, chosen = search.best
         cpu = clock.process_time() - began
         unlimited, front = None, [(1.0, chosen)]
         with search.keeping():
             if compare and not search.interrupted:
-                free = replace(aim, torque_share=np.inf)
+                free = replace(problem, torque_share=np.inf)
                 unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
-                for point in _front(aim, chosen):
+                for point in _front(problem, chosen):
                     report(part + (1 - part) * len(front) / (len(FRONT) + 1))
                     front.append(point)
     best = shown("this motion", chosen)
     with within("no motion keeps the limits; the best one found"):
         checked_torque(robot, best.motion)
     points = tuple(
-        (w, best if course is chosen else shown(f"weight of G {w:g}", course))
-        for w, course in sorted(front, key=lambda point: point[0])
+        (w, best if trajectory is chosen else shown(f"weight of G {w:g}", trajectory))
+        for w, trajectory in sorted(front, key=lambda point: point[0])
     )
     washed = shown("classical washout", washout)
     numbers: dict[str, object] = {
@@ -226,16 +233,16 @@ def fly(
         "alignment": {"name": aligned_best.name, **aligned_best.figures(felt)},
         "washout": washed.figures(felt),
         "without_torque_limits": unlimited and unlimited.figures(felt),
-        "front": [{"g_weight": w * aim.g_weight, **one.figures(None)} for w, one in points],
-        "g_weight": aim.g_weight,
+        "front": [{"g_weight": w * problem.g_weight, **one.figures(None)} for w, one in points],
+        "g_weight": problem.g_weight,
         "starts": search.ends(starts, shown),
         "interrupted": search.interrupted,
         "cpu_s": cpu,
     }
-    return Flown(best, aligned_best, washed, unlimited, points, felt, numbers)
+    return CueingResult(best, aligned_best, washed, unlimited, points, felt, numbers)
 
 
-_Found = tuple[Aim, Course]
+_Found = tuple[Problem, Trajectory]
 
 
 class _Search:
@@ -247,63 +254,63 @@ class _Search:
         self._later: list[_Found] = []  # improvements
         self.interrupted = False
 
-    def run(self, aim: Aim, starts: Sequence[Array]) -> None:
+    def run(self, problem: Problem, starts: Sequence[Array]) -> None:
         """Search from the angles of each start, shape (N, n)."""
         with self.keeping():
             for q in starts:
-                self._improve(self._ends, aim, fitted(aim, q))
+                self._improve(self._ends, problem, fitted(problem, q))
         if not self._ends:
             raise KeyboardInterrupt
 
-    def refine(self, aim: Aim) -> None:
-        """Improve the best course with half the time between knots."""
+    def refine(self, problem: Problem) -> None:
+        """Improve the best trajectory with half the time between knots."""
         if self.interrupted:
             return
         with self.keeping():
-            self._improve(self._later, aim, self.best[1].refined())
+            self._improve(self._later, problem, self.best[1].refined())
 
-    def weigh(self, losses: Callable[[Course], tuple[float, float]]) -> None:
+    def weigh(self, losses: Callable[[Trajectory], tuple[float, float]]) -> None:
         """Change the weight of the G error until neither error is larger than that of alignment.
 
         If both cannot be reached, the G error has priority.
 
         Args:
-            losses: Function from a course to its two errors over those of alignment [-].
+            losses: Function from a trajectory to its two errors over those of alignment [-].
         """
         for _ in range(_WEIGHINGS):
             if self.interrupted:
                 return
             with self.keeping():
-                aim, course = self.best
-                g, rotation = losses(course)
+                problem, trajectory = self.best
+                g, rotation = losses(trajectory)
                 if g <= 1 and (rotation <= 1 or g >= _GOAL - _TOLERANCE):
                     return
                 factor = np.clip((g / _GOAL) ** _EXPONENT, min(FRONT), max(FRONT))
-                other = replace(aim, g_weight=float(factor) * aim.g_weight)
-                self._improve(self._later, other, course, _FRONT_STEPS)
+                other = replace(problem, g_weight=float(factor) * problem.g_weight)
+                self._improve(self._later, other, trajectory, _FRONT_STEPS)
 
     def polish(self) -> None:
-        """Change the best course to keep the limits between knots, also after an interrupt."""
+        """Change the best trajectory to keep the limits between knots, also after an interrupt."""
         for _ in range(_POLISHES):
             with self.keeping():
-                aim, course = self.best
-                tighter = _tightened(aim, course)
+                problem, trajectory = self.best
+                tighter = _tightened(problem, trajectory)
                 if tighter is None:
                     return
-                self._improve(self._later, tighter, course, _POLISH_STEPS)
+                self._improve(self._later, tighter, trajectory, _POLISH_STEPS)
 
     def _improve(
-        self, found: list[_Found], aim: Aim, start: Course, max_steps: int = MAX_STEPS
+        self, found: list[_Found], problem: Problem, start: Trajectory, max_steps: int = MAX_STEPS
     ) -> None:
-        """Append the course that a search from `start` finds."""
+        """Append the trajectory that a search from `start` finds."""
 
-        def watch(best: Course, done: float) -> None:
-            found[-1] = aim, best
+        def watch(best: Trajectory, done: float) -> None:
+            found[-1] = problem, best
             finished = len(self._ends) + len(self._later) - 1
             self._report(min((finished + done) / self._count, 1.0))
 
-        found.append((aim, rated(aim, start)))
-        solve(aim, start, watch, max_steps)
+        found.append((problem, rated(problem, start)))
+        solve(problem, start, watch, max_steps)
 
     @contextmanager
     def keeping(self) -> Iterator[None]:
@@ -315,17 +322,17 @@ class _Search:
 
     @property
     def best(self) -> _Found:
-        """The last improvement, or the best result of a start, with its aim."""
+        """The last improvement, or the best result of a start, with its problem."""
         return self._later[-1] if self._later else min(self._ends, key=lambda one: one[1].merit)
 
-    def ends(self, starts: list[Start], shown: Callable[[str, Course], Option]) -> object:
+    def ends(self, starts: list[Start], shown: Callable[[str, Trajectory], Candidate]) -> object:
         """Return the result of each start."""
         rows = []
-        for (sense, seat), (_, course) in zip(starts, self._ends, strict=False):
-            figures = shown("", course).figures(None)
+        for (sense, seat), (_, trajectory) in zip(starts, self._ends, strict=False):
+            figures = shown("", trajectory).figures(None)
             kept = {k: figures[k] for k in ("g_error_rms", "felt_rotation_rms_deg_s")}
             seat_deg = float(np.degrees(seat))
-            rows.append({"sense": sense, "seat_deg": seat_deg, "cost": course.merit, **kept})
+            rows.append({"sense": sense, "seat_deg": seat_deg, "cost": trajectory.merit, **kept})
         return rows
 
 
@@ -340,10 +347,10 @@ def _check(robot: Robot, knot: float, approach: float) -> None:
         raise InputError(f"{knot:g} s, expected at most 1 s", place="knot")
 
 
-def _aim(
+def _problem_of(
     robot: Robot, flight: Flight, ends: tuple[float, float], idle_g: float | None,
     knot: float, torque_margin: float, g_weight: float,
-) -> Aim:  # fmt: skip
+) -> Problem:  # fmt: skip
     """Return the flight at knots, with approach and departure, and the limits of the robot."""
     approach, departure = ends
     count = 2 * math.ceil((approach + flight.duration + departure) / (2 * knot) - 1e-9) + 1
@@ -358,7 +365,7 @@ def _aim(
         force[~flies] *= idle_g * GRAVITY / np.maximum(size, 1e-3)
     axis, _ = robot.joint_at_zero(robot.joint_names[0])
     down = robot.plant.gravity_field().gravity_vector() / GRAVITY
-    return Aim(
+    return Problem(
         robot=robot, knot=knot, force=force, rate=rate, weight=weight, g_weight=g_weight,
         torque_share=torque_margin, lower=robot.position_lower, upper=robot.position_upper,
         torque_less=np.zeros(robot.n),
@@ -366,11 +373,11 @@ def _aim(
     )  # fmt: skip
 
 
-def _tightened(aim: Aim, course: Course) -> Aim | None:
-    """Return the aim with limits tightened by their excess between knots; None without excess."""
-    robot, motion = aim.robot, course.motion(INTERPOLATION_PERIOD)
+def _tightened(problem: Problem, trajectory: Trajectory) -> Problem | None:
+    """Return the problem with limits tightened by their excess between knots; None for none."""
+    robot, motion = problem.robot, trajectory.motion(INTERPOLATION_PERIOD)
     torque = np.vstack(torque_of_periods(robot, motion))
-    share = min(aim.torque_share * (1 + _OVERSHOOT), 1.0)
+    share = min(problem.torque_share * (1 + _OVERSHOOT), 1.0)
     low, high = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), share)
     over = np.maximum(np.maximum(torque - high, low - torque).max(axis=0), 0)
     beyond = np.maximum(motion.q - robot.position_upper, robot.position_lower - motion.q)
@@ -378,21 +385,21 @@ def _tightened(aim: Aim, course: Course) -> Aim | None:
     if not over.any() and not past.any():
         return None
     return replace(
-        aim,
-        torque_less=aim.torque_less + 1.2 * over,
-        lower=aim.lower + 1.2 * past,
-        upper=aim.upper - 1.2 * past,
-        penalty=10 * aim.penalty,
+        problem,
+        torque_less=problem.torque_less + 1.2 * over,
+        lower=problem.lower + 1.2 * past,
+        upper=problem.upper - 1.2 * past,
+        penalty=10 * problem.penalty,
     )
 
 
-def _front(aim: Aim, chosen: Course) -> Iterator[tuple[float, Course]]:
-    """Yield courses with other weights of the G error, each found from its neighbour."""
+def _front(problem: Problem, chosen: Trajectory) -> Iterator[tuple[float, Trajectory]]:
+    """Yield trajectories with other weights of the G error, each found from its neighbour."""
     above = sorted(factor for factor in FRONT if factor > 1)
     below = sorted((factor for factor in FRONT if factor < 1), reverse=True)
     for factors in (above, below):
-        course = chosen
+        trajectory = chosen
         for factor in factors:
-            other = replace(aim, g_weight=factor * aim.g_weight)
-            course = solve(other, course, lambda *_: None, _FRONT_STEPS)
-            yield factor, course
+            other = replace(problem, g_weight=factor * problem.g_weight)
+            trajectory = solve(other, trajectory, lambda *_: None, _FRONT_STEPS)
+            yield factor, trajectory

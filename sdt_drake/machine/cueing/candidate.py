@@ -9,7 +9,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.fly.flight import Flight
+from sdt_drake.machine.cueing.flight import Flight
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.pilot.head import GRAVITY, HeadMotion, head_motion
@@ -20,7 +20,7 @@ from sdt_drake.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Option:
+class Candidate:
     """A motion of the device, compared with the flight."""
 
     name: str
@@ -103,7 +103,7 @@ class Option:
         faded = np.exp(-period / CANAL * np.arange(len(error)))[:, None]
         return _felt(error - low_pass(error, CANAL, period) + faded * error[0])
 
-    def beside(self, other: Option) -> tuple[float, float]:
+    def beside(self, other: Candidate) -> tuple[float, float]:
         """Return G error and felt rotation error over those of another motion [-]."""
         return self.g_error / other.g_error, self.felt_rotation / other.felt_rotation
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.machine.fly.program import SPEED_SHARE, Aim
+from sdt_drake.machine.cueing.program import SPEED_SHARE, Problem
 from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.perception import low_pass
 
@@ -26,7 +26,7 @@ Start = tuple[int, float]
 """Sense of rotation of the arm, 1 or -1, and first angle of the last joint [rad]."""
 
 
-def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
+def aligned(problem: Problem, starts: Sequence[Start]) -> Array:
     """Return angles at which the head has the flight's force at each knot.
 
     All joints are at rest, except for an arm at constant speed. Its speed [rad/s] takes the place
@@ -34,21 +34,21 @@ def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
     where the force does not decide.
 
     Args:
-        aim: The aim.
+        problem: The problem.
         starts: Senses of rotation and first angles.
 
     Returns:
         Angles [rad], shape (starts, N, n).
     """
-    n = aim.robot.n
+    n = problem.robot.n
     spin = np.array([float(sense) for sense, _ in starts])
     x = np.zeros((len(starts), n))
     x[:, -1] = [seat for _, seat in starts]
-    if aim.arm:
+    if problem.arm:
         x[:, 0] = spin
-    lower, upper = aim.lower.copy(), aim.upper.copy()
-    if aim.arm:
-        fastest = SPEED_SHARE * aim.robot.top_speed[0]
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    if problem.arm:
+        fastest = SPEED_SHARE * problem.robot.top_speed[0]
         lower[0], upper[0] = -fastest, fastest
     x = np.clip(x, lower, upper)
     moves = 1e-5 * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
@@ -57,37 +57,37 @@ def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
         before = x
         for _ in range(steps):
             around = (x[:, None] + moves).reshape(-1, n)
-            shown = _static_force(aim, around).reshape(len(x), -1, 3)
+            shown = _static_force(problem, around).reshape(len(x), -1, 3)
             J = ((shown[:, 1 : n + 1] - shown[:, n + 1 :]) / 2e-5).transpose(0, 2, 1)
             A = J.transpose(0, 2, 1) @ J + held * np.eye(n)
             b = np.einsum("sij,si->sj", J, goal - shown[:, 0]) - held * (x - before)
             step = np.linalg.solve(A, b[..., None])[..., 0]
             x = np.clip(x + np.clip(step, -_MAX_STEP, _MAX_STEP), lower, upper)
-            if aim.arm:
+            if problem.arm:
                 x[:, 0] = spin * np.maximum(spin * x[:, 0], _MIN_ARM_SPEED)
         return x
 
-    x = followed(x, aim.force[0] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
+    x = followed(x, problem.force[0] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
     found = []
-    for goal in aim.force / GRAVITY:
+    for goal in problem.force / GRAVITY:
         x = followed(x, goal, _STEPS, _HELD)
         found.append(x)
     return np.stack(found, axis=1)
 
 
-def _static_force(aim: Aim, x: Array) -> Array:
+def _static_force(problem: Problem, x: Array) -> Array:
     """Return the head's force with an arm at constant speed and all else at rest [G]."""
     q, v = x.copy(), np.zeros_like(x)
-    if aim.arm:
+    if problem.arm:
         q[:, 0], v[:, 0] = 0.0, x[:, 0]
-    return head_motion(aim.robot, q, v, np.zeros_like(x)).specific_force / GRAVITY
+    return head_motion(problem.robot, q, v, np.zeros_like(x)).specific_force / GRAVITY
 
 
-def angles(aim: Aim, x: Array, smooth: float, approach: float, departure: float) -> Array:
+def angles(problem: Problem, x: Array, smooth: float, approach: float, departure: float) -> Array:
     """Return smoothed angles of an alignment, with an arm that starts and ends at rest.
 
     Args:
-        aim: The aim.
+        problem: The problem.
         x: Result of `aligned` for one start, shape (N, n).
         smooth: Standard deviation of the Gaussian filter [s].
         approach: Time from rest to the flight [s].
@@ -96,31 +96,31 @@ def angles(aim: Aim, x: Array, smooth: float, approach: float, departure: float)
     Returns:
         Angles [rad], shape (N, n).
     """
-    q = gaussian_filter1d(x, smooth / aim.knot, axis=0, mode="nearest")
-    if aim.arm:
-        time = aim.knot * np.arange(aim.count)
+    q = gaussian_filter1d(x, smooth / problem.knot, axis=0, mode="nearest")
+    if problem.arm:
+        time = problem.knot * np.arange(problem.count)
         rise, fall = time / (0.7 * approach), (time[-1] - time) / (0.7 * departure)
         share = np.prod([np.clip(s, 0, 1) ** 2 * (3 - 2 * np.clip(s, 0, 1)) for s in (rise, fall)],
                         axis=0)  # fmt: skip
         speed = q[:, 0] * share
-        steps = aim.knot * (speed[1:] + speed[:-1]) / 2
+        steps = problem.knot * (speed[1:] + speed[:-1]) / 2
         q[:, 0] = np.concatenate([[0.0], np.cumsum(steps)])
     return q
 
 
-def washed_out(aim: Aim, x: Array) -> Array:
+def washed_out(problem: Problem, x: Array) -> Array:
     """Return the angles of a classical washout, in the form of `aligned`, shape (N, n).
 
     The arm and a tilt give the low-frequency part of the force. The gimbals follow the
     high-frequency part of the rate and return. A high pass and an integrator of the rate are
     together tau LP(rate), with the same time constant tau.
     """
-    tilt = low_pass(x, _TILT, aim.knot)
-    turned = _WASHOUT * low_pass(aim.rate - aim.rate[0], _WASHOUT, aim.knot)
-    rest, first = np.zeros_like(tilt), int(aim.arm)
+    tilt = low_pass(x, _TILT, problem.knot)
+    turned = _WASHOUT * low_pass(problem.rate - problem.rate[0], _WASHOUT, problem.knot)
+    rest, first = np.zeros_like(tilt), int(problem.arm)
     J = np.stack(
         [
-            head_motion(aim.robot, tilt * (np.arange(x.shape[1]) >= first), rest + one, rest)
+            head_motion(problem.robot, tilt * (np.arange(x.shape[1]) >= first), rest + one, rest)
             .angular_velocity
             for one in np.eye(x.shape[1])[first:]
         ],
@@ -129,12 +129,12 @@ def washed_out(aim: Aim, x: Array) -> Array:
     square = J.transpose(0, 2, 1) @ J + _HELD * np.eye(J.shape[2])
     gimbals = np.linalg.solve(square, J.transpose(0, 2, 1) @ turned[..., None])[..., 0]
     tilt[:, first:] += gimbals
-    return np.asarray(np.clip(tilt, *_stops(aim)))
+    return np.asarray(np.clip(tilt, *_stops(problem)))
 
 
-def _stops(aim: Aim) -> tuple[Array, Array]:
+def _stops(problem: Problem) -> tuple[Array, Array]:
     """Return lower and upper limits of the angles [rad]; none for an arm."""
-    lower, upper = aim.lower.copy(), aim.upper.copy()
-    if aim.arm:
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    if problem.arm:
         lower[0], upper[0] = -np.inf, np.inf
     return lower, upper

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -54,7 +55,7 @@ _FIT = 1e-4  # weight of the jerk beside that of angles [s⁶]
 
 
 @dataclass(frozen=True, eq=False)
-class Aim:
+class Problem:
     """The desired head motion at knots, and the limits of the device."""
 
     robot: Robot
@@ -87,10 +88,15 @@ class Aim:
         """Number of knots."""
         return len(self.force)
 
+    @property
+    def head(self) -> Array:
+        """Specific force [m/s²] and angular rate [rad/s], shape (N, 6)."""
+        return np.hstack([self.force, self.rate])
+
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """Angles, speeds and accelerations of the joints at knots, shape (N, n) each; see `Aim`."""
+class Trajectory:
+    """Angles, speeds and accelerations of the joints at knots, shape (N, n) each; see `Problem`."""
 
     knot: float
     """Time between knots [s]."""
@@ -99,6 +105,11 @@ class Course:
     a: Array
     merit: float = math.inf
     """The minimised cost of felt errors, jerk and excess torque."""
+
+    @property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """The arrays q, v and a."""
+        return self.q, self.v, self.a
 
     def motion(self, period: float) -> Motion:
         """Return the motion at a period [s] that divides the time between knots."""
@@ -111,8 +122,8 @@ class Course:
         v[[0, -1]] = 0.0
         return Motion.from_speeds(period, self.q[0], v)
 
-    def refined(self) -> Course:
-        """Return the same course with an additional knot in the middle between any two."""
+    def refined(self) -> Trajectory:
+        """Return the same trajectory with an additional knot in the middle between any two."""
         t = self.knot / 2
         q, v, a = (x[:-1] for x in (self.q, self.v, self.a))
         jerk = np.diff(self.a, axis=0) / self.knot
@@ -122,21 +133,23 @@ class Course:
             a + jerk * t,
         )
         places = np.arange(1, len(self.q))
-        both = zip((self.q, self.v, self.a), middles, strict=True)
+        both = zip(self.parts, middles, strict=True)
         q, v, a = (np.insert(x, places, middle, axis=0) for x, middle in both)
-        return Course(t, q, v, a)
+        return Trajectory(t, q, v, a)
 
 
-Watch = Callable[[Course, float], None]
-"""Function of the best course so far and the completed share of the work; it may raise."""
+Watch = Callable[[Trajectory, float], None]
+"""Function of the best trajectory so far and the completed share of the work; it may raise."""
 
 
-def solve(aim: Aim, start: Course, watch: Watch, max_steps: int = MAX_STEPS) -> Course:
-    """Find the best course near `start`."""
-    best, region = rated(aim, start), _REGION
+def solve(
+    problem: Problem, start: Trajectory, watch: Watch, max_steps: int = MAX_STEPS
+) -> Trajectory:
+    """Find the best trajectory near `start`."""
+    best, region = rated(problem, start), _REGION
     for step in range(max_steps):
         watch(best, step / max_steps)
-        proposed, promised = _step(aim, best, region)
+        proposed, promised = _step(problem, best, region)
         gain = best.merit - proposed.merit
         if gain <= 0:
             region *= 0.4
@@ -154,35 +167,39 @@ def solve(aim: Aim, start: Course, watch: Watch, max_steps: int = MAX_STEPS) -> 
     return best
 
 
-def fitted(aim: Aim, q: Array) -> Course:
-    """Return the course within the joints' limits that is closest to angles, shape (N, n)."""
-    program = _Quadratic(aim)
-    one = np.eye(aim.robot.n)
-    program.squares(program.q, np.broadcast_to(one, (aim.count, *one.shape)), -q)
+def fitted(problem: Problem, q: Array) -> Trajectory:
+    """Return the trajectory within the joints' limits that is closest to angles, shape (N, n)."""
+    program = _Quadratic(problem)
+    one = np.eye(problem.robot.n)
+    program.squares(program.q, np.broadcast_to(one, (problem.count, *one.shape)), -q)
     program.jerk(_FIT)
-    program.bounds(aim.lower, aim.upper)
+    program.bounds(problem.lower, problem.upper)
     return program.solved()
 
 
-def rated(aim: Aim, course: Course) -> Course:
-    """Return the course with its merit."""
-    error = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
-    error[:, 3:] -= low_pass(error[:, 3:], CANAL, aim.knot)
-    error *= _scale(aim) * aim.weight
-    jerk = np.diff(course.a, axis=0) / aim.knot
-    cost = aim.knot * float(np.sum(error**2) + RHO * np.sum(jerk**2))
+def rated(problem: Problem, trajectory: Trajectory) -> Trajectory:
+    """Return the trajectory with its merit."""
+    error = _head(problem.robot, *trajectory.parts) - problem.head
+    error[:, 3:] -= low_pass(error[:, 3:], CANAL, problem.knot)
+    error *= _scale(problem) * problem.weight
     excess = 0.0
-    if math.isfinite(aim.torque_share):
-        used = np.abs(_torque_use(aim, course.q, course.v, course.a)).max(axis=1)
+    if math.isfinite(problem.torque_share):
+        used = np.abs(_torque_use(problem, *trajectory.parts)).max(axis=1)
         excess = float(np.maximum(used - 1, 0).sum())
-    merit = cost + aim.penalty * aim.knot * excess
-    return Course(aim.knot, course.q, course.v, course.a, merit)
+    return replace(trajectory, merit=_cost(problem, trajectory, error, excess))
 
 
-def _scale(aim: Aim) -> Array:
+def _cost(problem: Problem, trajectory: Trajectory, error: Array, excess: float) -> float:
+    """Return the cost of weighted errors, of the jerk and of excess torque."""
+    jerk = np.diff(trajectory.a, axis=0) / problem.knot
+    cost = float(np.sum(error**2) + RHO * np.sum(jerk**2))
+    return problem.knot * (cost + problem.penalty * excess)
+
+
+def _scale(problem: Problem) -> Array:
     """Return the factors from errors of force and rate to the cost, shape (6,)."""
     force = np.array([HORIZONTAL, HORIZONTAL, 1.0]) / LINEAR
-    return np.concatenate([math.sqrt(aim.g_weight) * force, 1 / RATE])
+    return np.concatenate([math.sqrt(problem.g_weight) * force, 1 / RATE])
 
 
 def _head(robot: Robot, q: Array, v: Array, a: Array) -> Array:
@@ -191,61 +208,58 @@ def _head(robot: Robot, q: Array, v: Array, a: Array) -> Array:
     return np.hstack([head.specific_force, head.angular_velocity])
 
 
-def _torque_use(aim: Aim, q: Array, v: Array, a: Array) -> Array:
+def _torque_use(problem: Problem, q: Array, v: Array, a: Array) -> Array:
     """Return the torque over its usable range, from -1 to 1, shape (N, n)."""
-    torque = aim.robot.gear_torque(inverse_dynamics(aim.robot, q, v, a))
-    low, high = aim.robot.torque_range(v, aim.torque_share)
-    low, high = low + aim.torque_less, high - aim.torque_less
+    torque = problem.robot.gear_torque(inverse_dynamics(problem.robot, q, v, a))
+    low, high = problem.robot.torque_range(v, problem.torque_share)
+    low, high = low + problem.torque_less, high - problem.torque_less
     return (2 * torque - high - low) / np.maximum(high - low, 1e-9)
 
 
-def _jacobian(of: Callable[..., Array], course: Course, step: float) -> Array:
-    """Return the derivatives of a function of q, v, a at each knot, shape (N, rows, 3n)."""
-    parts = np.stack([course.q, course.v, course.a])
-    count, n = course.q.shape
-    moved = np.repeat(parts[None], 6 * n, axis=0).reshape(3, n, 2, 3, count, n)
-    for kind in range(3):
-        for k in range(n):
-            moved[kind, k, 0, kind, :, k] += step
-            moved[kind, k, 1, kind, :, k] -= step
-    q, v, a = moved.reshape(6 * n, 3, count, n).transpose(1, 0, 2, 3).reshape(3, -1, n)
-    ahead, behind = np.moveaxis(of(q, v, a).reshape(3 * n, 2, count, -1), 1, 0)
-    return np.asarray(((ahead - behind) / (2 * step)).transpose(1, 2, 0))
+def _linear(
+    of: Callable[..., Array], trajectory: Trajectory, step: float, wanted: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """Return J and c of the tangent c + J (q, v, a) at each knot to a function less `wanted`.
+
+    Shapes (N, rows, 3 n) and (N, rows).
+    """
+    count, n = trajectory.q.shape
+    steps = step * np.eye(3 * n).reshape(3 * n, 1, 3, 1, n) * np.array([1, -1])[:, None, None, None]
+    moved = (np.stack(trajectory.parts) + steps).reshape(6 * n, 3, count, n).swapaxes(0, 1)
+    values = of(*moved.reshape(3, -1, n)).reshape(3 * n, 2, count, -1)
+    J = ((values[:, 0] - values[:, 1]) / (2 * step)).transpose(1, 2, 0)
+    at = np.hstack(trajectory.parts)
+    return np.asarray(J), of(*trajectory.parts) - wanted - np.einsum("nij,nj->ni", J, at)
 
 
-def _step(aim: Aim, course: Course, region: float) -> tuple[Course, float]:
-    """Return the best course of the linearised problem within the region, and its expected gain."""
-    program, n, scale = _Quadratic(aim, max(course.merit, 1.0)), aim.robot.n, _scale(aim)
-    at = np.hstack([course.q, course.v, course.a])
-    J = _jacobian(lambda q, v, a: _head(aim.robot, q, v, a), course, 1e-5)
-    off = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
-    off -= np.einsum("nij,nj->ni", J, at)
+def _step(problem: Problem, trajectory: Trajectory, region: float) -> tuple[Trajectory, float]:
+    """Return the best trajectory of the linearised problem in the region, and its expected gain."""
+    program, n = _Quadratic(problem, max(trajectory.merit, 1.0)), problem.robot.n
+    J, off = _linear(partial(_head, problem.robot), trajectory, 1e-5, problem.head)
     sensed = program.lagged(J[:, 3:, : 2 * n], off[:, 3:])
     # Errors at each knot: J x + off - (0, LP e), with their weights.
-    lag = np.zeros((aim.count, 6, 3))
+    lag = np.zeros((problem.count, 6, 3))
     lag[:, 3:] = -np.eye(3)
-    weight = math.sqrt(aim.knot) * aim.weight * scale
+    weight = math.sqrt(problem.knot) * problem.weight * _scale(problem)
     A, b = np.concatenate([J, lag], axis=2) * weight[:, :, None], off * weight
     variables = np.hstack([program.q, program.v, program.a, sensed])
     program.squares(variables, A, b)
-    program.jerk(RHO * aim.knot)
-    lower = np.minimum(np.maximum(aim.lower, course.q - region), course.q + region)
-    upper = np.maximum(np.minimum(aim.upper, course.q + region), course.q - region)
-    if aim.arm:
-        lower[:, 0], upper[:, 0] = aim.lower[0], aim.upper[0]
-        program.near(program.v[:, 0], course.v[:, 0], region)
+    program.jerk(RHO * problem.knot)
+    lower = np.minimum(np.maximum(problem.lower, trajectory.q - region), trajectory.q + region)
+    upper = np.maximum(np.minimum(problem.upper, trajectory.q + region), trajectory.q - region)
+    if problem.arm:
+        lower[:, 0], upper[:, 0] = problem.lower[0], problem.upper[0]
+        program.near(program.v[:, 0], trajectory.v[:, 0], region)
     program.bounds(lower, upper)
-    if math.isfinite(aim.torque_share):
-        program.torques(aim, course, at)
+    if math.isfinite(problem.torque_share):
+        program.torques(*_linear(partial(_torque_use, problem), trajectory, 1e-4))
     found = program.solved()
     if not program.succeeded():
-        return course, 0.0
-    x = np.hstack([found.q, found.v, found.a, program.value(sensed)])
-    felt = np.einsum("nij,nj->ni", A, x) + b
-    jerk = np.diff(found.a, axis=0) / aim.knot
-    promised = float(np.sum(felt**2)) + aim.knot * RHO * float(np.sum(jerk**2))
-    promised += aim.penalty * aim.knot * program.excess()
-    return rated(aim, found), course.merit - promised
+        return trajectory, 0.0
+    x = np.hstack([*found.parts, program.value(sensed)])
+    error = (np.einsum("nij,nj->ni", A, x) + b) / math.sqrt(problem.knot)
+    promised = _cost(problem, found, error, program.excess())
+    return rated(problem, found), trajectory.merit - promised
 
 
 class _Quadratic:
@@ -254,14 +268,17 @@ class _Quadratic:
     The cost is divided by `unit`, because the solver requires numbers of about 1.
     """
 
-    def __init__(self, aim: Aim, unit: float = 1.0) -> None:
-        self._aim, self._unit, h, n = aim, unit, aim.knot, aim.robot.n
+    def __init__(self, problem: Problem, unit: float = 1.0) -> None:
+        self._problem, self._unit, h, n = problem, unit, problem.knot, problem.robot.n
         self._program = MathematicalProgram()
         self.q, self.v, self.a = (
-            self._program.NewContinuousVariables(aim.count, n, name) for name in "qva"
+            self._program.NewContinuousVariables(problem.count, n, name) for name in "qva"
         )
         self._slack: Array = np.zeros(0)  # variables
-        first, then = sp.eye(aim.count - 1, aim.count), sp.eye(aim.count - 1, aim.count, k=1)
+        first, then = (
+            sp.eye(problem.count - 1, problem.count),
+            sp.eye(problem.count - 1, problem.count, k=1),
+        )
         one, joints = then - first, sp.eye(n)
         kron = sp.kron
         self._equal([kron(one, joints), kron(-h / 2 * (first + then), joints)], [self.v, self.a], 0)
@@ -272,7 +289,7 @@ class _Quadratic:
         )  # fmt: skip
         for rest in (self.v[[0, -1]], self.a[[0, -1]]):
             self._program.AddBoundingBoxConstraint(0, 0, rest.ravel())
-        robot = aim.robot
+        robot = problem.robot
         for limit, variables in (
             (SPEED_SHARE * robot.top_speed, self.v),
             (SPEED_SHARE * robot.acceleration_limit, self.a),
@@ -301,8 +318,8 @@ class _Quadratic:
 
     def jerk(self, weight: float) -> None:
         """Add the cost of the squared jerk with a weight."""
-        n = self._aim.robot.n
-        size = 2 / self._unit * weight / self._aim.knot**2
+        n = self._problem.robot.n
+        size = 2 / self._unit * weight / self._problem.knot**2
         Q = size * np.kron([[1, -1], [-1, 1]], np.eye(n))
         for pair in np.hstack([self.a[:-1], self.a[1:]]):
             self._program.AddQuadraticCost(Q, np.zeros(2 * n), pair, is_convex=True)
@@ -310,7 +327,7 @@ class _Quadratic:
     def bounds(self, lower: Array, upper: Array) -> None:
         """Keep the angles within limits [rad]."""
         self._between(lower, upper, self.q)
-        if self._aim.arm:  # its angle is not felt, so it begins at 0
+        if self._problem.arm:  # its angle is not felt, so it begins at 0
             self._program.AddBoundingBoxConstraint(0, 0, self.q[:1, 0])
 
     def near(self, variables: Array, values: Array, region: float) -> None:
@@ -320,7 +337,7 @@ class _Quadratic:
     def lagged(self, J: Array, off: Array) -> Array:
         """Return the canals' low pass of e = J (q, v) + off, as variables, shape (N, 3)."""
         count, n = self.q.shape
-        ratio = self._aim.knot / CANAL
+        ratio = self._problem.knot / CANAL
         phi, b = math.exp(-ratio), -math.expm1(-ratio) / ratio
         z = self._program.NewContinuousVariables(count, 3, "z")
         first, then = sp.eye(count - 1, count), sp.eye(count - 1, count, k=1)
@@ -332,23 +349,17 @@ class _Quadratic:
             [z, self.q, self.v], mean @ off.ravel(),
         )  # fmt: skip
         # The device has been at rest before the first knot, so the low pass is in steady state.
-        start = -self._aim.rate[0]
+        start = -self._problem.rate[0]
         self._program.AddBoundingBoxConstraint(start, start, z[0])
         return z
 
-    def torques(self, aim: Aim, course: Course, at: Array) -> None:
-        """Limit the torques by a cost of their excess."""
-        count, n = course.q.shape
-
-        def use(q: Array, v: Array, a: Array) -> Array:
-            return _torque_use(aim, q, v, a)
-
-        J = _jacobian(use, course, 1e-4)
-        off = (use(course.q, course.v, course.a) - np.einsum("nij,nj->ni", J, at)).ravel()
+    def torques(self, J: Array, off: Array) -> None:
+        """Limit the torques |J (q, v, a) + off| <= 1 by a cost of their excess."""
+        problem, (count, n) = self._problem, self.q.shape
         self._slack = self._program.NewContinuousVariables(count, "s")
         self._program.AddBoundingBoxConstraint(0, math.inf, self._slack)
         self._program.AddLinearCost(
-            np.full(count, aim.penalty * aim.knot / self._unit), 0, self._slack
+            np.full(count, problem.penalty * problem.knot / self._unit), 0, self._slack
         )
         beyond = sp.kron(sp.eye(count), np.ones((n, 1)))
         parts = [_blocks(J[:, :, k * n : (k + 1) * n]) for k in range(3)]
@@ -356,7 +367,7 @@ class _Quadratic:
         for sign in (1, -1):
             matrix = sp.csc_matrix(sp.hstack([*(sign * part for part in parts), -beyond]))
             self._program.AddLinearConstraint(
-                matrix, np.full(len(off), -math.inf), 1 - sign * off, unknown
+                matrix, np.full(off.size, -math.inf), 1 - sign * off.ravel(), unknown
             )
 
     def excess(self) -> float:
@@ -371,11 +382,11 @@ class _Quadratic:
         """Return True if the solver has found the solution."""
         return bool(self._result.is_success())
 
-    def solved(self) -> Course:
-        """Solve the program and return the course."""
+    def solved(self) -> Trajectory:
+        """Solve the program and return the trajectory."""
         self._result = ClarabelSolver().Solve(self._program, None, _OPTIONS)
         q, v, a = map(self.value, (self.q, self.v, self.a))
-        return Course(self._aim.knot, q, v, a)
+        return Trajectory(self._problem.knot, q, v, a)
 
 
 def _blocks(blocks: Array) -> sp.bsr_matrix:

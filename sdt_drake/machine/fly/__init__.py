@@ -1,4 +1,0 @@
-"""Motions of a device that reproduce a recorded flight.
-
-Read in this order: `flight`, `alignment`, `program`, `option`, `procedure`.
-"""
