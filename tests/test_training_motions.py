@@ -9,7 +9,7 @@ from figures import check_same_numbers, content_of
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.motion import load_plan, story_of
 from sdt_drake.pilot.head import head_motion_of_samples
-from sdt_drake.pilot.perception import felt_difference
+from sdt_drake.pilot.thresholds import felt_difference
 from sdt_drake.show.figures import pilot as plots_pilot
 
 FIGURES = Path(__file__).resolve().parents[1] / "diagrams"

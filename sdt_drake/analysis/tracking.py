@@ -15,7 +15,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
-from sdt_drake.pilot.perception import FeltDifference, felt_difference
+from sdt_drake.pilot.thresholds import FeltDifference, felt_difference
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import Recording
 

@@ -186,7 +186,8 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
     """Return header and rows of the largest quantities, reference and achieved."""
     import numpy as np
 
-    from sdt_drake.pilot.perception import UNPERCEIVED_RATE, canals, false_sensation_after_stop
+    from sdt_drake.pilot.canals import sensed_rate
+    from sdt_drake.pilot.thresholds import UNPERCEIVED_RATE, false_sensation_after_stop
 
     def values(motion: HeadMotion, felt: Percept) -> list[str]:
         omega = motion.angular_velocity
@@ -195,7 +196,7 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
             f"{motion.resultant_g.max():.3f}",
             f"{motion.resultant_g.min():.3f}",
             *(f"{w:.1f}" for w in np.degrees(np.abs(omega).max(axis=0))),
-            *(f"{w:.1f}" for w in np.degrees(np.abs(canals(omega, period)).max(axis=0))),
+            *(f"{w:.1f}" for w in np.degrees(np.abs(sensed_rate(omega, period)).max(axis=0))),
             *(f"{t:.1f}".replace("nan", "–") for t in after),
             *(f"{a:.1f}" for a in np.degrees([np.abs(felt.roll).max(), np.abs(felt.pitch).max()])),
         ]
@@ -212,7 +213,7 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
 
 def _felt_rows(head: HeadTracking, time: Array) -> Rows:
     """Return header and rows of the error in multiples of the threshold, by channel."""
-    from sdt_drake.pilot.perception import CHANNELS
+    from sdt_drake.pilot.thresholds import CHANNELS
 
     rows = [
         (
@@ -241,7 +242,7 @@ def _write(
     the order of CHANNELS.
     """
     from sdt_drake.io.tables import write_table
-    from sdt_drake.pilot.perception import canals
+    from sdt_drake.pilot.canals import sensed_rate
 
     columns: dict[str, Array] = {}
     motions = (head.reference, head.achieved)
@@ -250,7 +251,7 @@ def _write(
             f"specific_force{suffix}": motion.specific_force,
             f"angular_velocity{suffix}": motion.angular_velocity,
             f"angular_acceleration{suffix}": motion.angular_acceleration,
-            f"canals{suffix}": canals(motion.angular_velocity, period),
+            f"canals{suffix}": sensed_rate(motion.angular_velocity, period),
         }
         columns |= {f"felt_{name}{suffix}": values for name, values in own.columns.items()}
     write_table(path, time, {**columns, "multiple": head.felt.multiples})

@@ -21,7 +21,7 @@ from sdt_drake.paper.published import FIGURE4
 from sdt_drake.paper.report import FILES as REPORT_FILES
 from sdt_drake.paper.report import RECORDING, SUMMARY, write_report
 from sdt_drake.paper.reproduction import Reproduction, Stopwatch, table1_rows
-from sdt_drake.pilot.perception import CHANNELS, FeltDifference, felt_difference
+from sdt_drake.pilot.thresholds import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.robot.dynamics import effective_inertia
 from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.style import pictures, save_both

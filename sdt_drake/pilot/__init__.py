@@ -1,10 +1,10 @@
 """The pilot: motion of the head, thresholds, felt orientation, illusions, and reports of people.
 
-`head`: specific force and angular velocity of a motion at the robot's frame `head`. `perception`:
-thresholds, and which difference between two motions is felt. `observer`: the pilot's canals,
-otoliths and internal model as a block. `orientation`: the orientation that the observer feels.
-`illusions`: felt less true orientation. `reported`: the observer beside reports of people.
-`pilots`: populations of pilots.
+`head`: specific force and angular velocity of a motion at the robot's frame `head`. `canals`: the
+model of the semicircular canals. `thresholds`: which difference between two motions is felt.
+`observer`: canals, otoliths and internal model as a block. `orientation`: the orientation that the
+observer feels. `illusions`: felt less true orientation. `reported`: the observer beside reports of
+people. `pilots`: populations of pilots.
 
 Ports of the observer have length 3, in axes of the head: inputs specific_force [m/s²] and
 angular_rate [rad/s]; outputs, as felt, gravity [G], rate [rad/s] and acceleration [m/s²].

@@ -24,7 +24,7 @@ from sdt_drake.motion import (
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
 from sdt_drake.pilot.observer import PERCEPTION, PerceptionModel
 from sdt_drake.pilot.orientation import Percept, attitude, perceive
-from sdt_drake.pilot.perception import UNPERCEIVED_RATE
+from sdt_drake.pilot.thresholds import UNPERCEIVED_RATE
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.threads import threads
 

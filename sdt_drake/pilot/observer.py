@@ -9,10 +9,17 @@ import pydrake.symbolic as sym
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer, LinearSystem, MatrixGain, Multiplexer
+from pydrake.systems.primitives import (
+    Demultiplexer,
+    FirstOrderLowPassFilter,
+    LinearSystem,
+    MatrixGain,
+    Multiplexer,
+)
 
 from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, Values, setting
 from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.pilot.canals import ADAPTATION, CUPULA, canals
 from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
 from sdt_drake.systems.wiring import build, set_state
@@ -40,9 +47,9 @@ class PerceptionModel(Input):
     """Gain from the tilt error to the felt gravity."""
     k_a: Values[Annotated[Number, Field(le=0)]] = setting(min_length=3, max_length=3, unit="-")
     """Gain from the error of the otoliths (measured minus expected) to the felt acceleration."""
-    tau: Values[Positive] = setting((5.7,) * 3, min_length=3, max_length=3, unit="s")
+    tau: Values[Positive] = setting((CUPULA,) * 3, min_length=3, max_length=3, unit="s")
     """Time constant of the cupula's return to rest."""
-    tau_a: Values[Positive] = setting((80.0,) * 3, min_length=3, max_length=3, unit="s")
+    tau_a: Values[Positive] = setting((ADAPTATION,) * 3, min_length=3, max_length=3, unit="s")
     """Time constant of the adaptation of the canals' nerve."""
     cutoff: Number = setting(2.0, gt=0, le=100, unit="Hz")
     """Cut-off frequency of all senses, and of the brain's expectation of them."""
@@ -89,12 +96,15 @@ def orientation_observer(*, model: PerceptionModel) -> Diagram:
     """
     builder = DiagramBuilder()
     otoliths = builder.AddNamedSystem("otoliths", _otoliths(model))
-    canals = builder.AddNamedSystem("canals", _canals(model))
+    low_pass = FirstOrderLowPassFilter(1 / (2 * pi * model.cutoff), 3)
+    filtered = builder.AddNamedSystem("low_pass", low_pass)
+    senses = builder.AddNamedSystem("canals", canals(model.tau, model.tau_a))
     internal = builder.AddNamedSystem("internal_model", internal_model(model=model))
     builder.ExportInput(otoliths.get_input_port(), "specific_force")
-    builder.ExportInput(canals.get_input_port(), "angular_rate")
+    builder.ExportInput(filtered.get_input_port(), "angular_rate")
+    builder.Connect(filtered.get_output_port(), senses.get_input_port())
     builder.Connect(otoliths.get_output_port(), internal.GetInputPort("otoliths"))
-    builder.Connect(canals.get_output_port(), internal.GetInputPort("canals"))
+    builder.Connect(senses.get_output_port(), internal.GetInputPort("canals"))
     for name in ("gravity", "rate", "acceleration"):
         builder.ExportOutput(internal.GetOutputPort(name), name)
     return build(builder, "orientation_observer")
@@ -109,7 +119,8 @@ def set_unfelt(
     """
     f, omega = -np.asarray(specific_force) / GRAVITY, np.asarray(angular_rate)
     set_state(observer, context, "otoliths", f)
-    set_state(observer, context, "canals", np.concatenate([omega, omega, np.zeros(3)]))
+    set_state(observer, context, "low_pass", omega)
+    set_state(observer, context, "canals", np.concatenate([omega, np.zeros(3)]))
     set_state(observer, context, "internal_model/internal_otoliths", f)
     felt = np.concatenate([f / np.linalg.norm(f), np.zeros(6)])
     set_state(observer, context, "internal_model/felt/law", felt)
@@ -187,18 +198,6 @@ def _otoliths(model: PerceptionModel) -> LinearSystem:
     """Return the otoliths: from specific force [m/s²] to y [G]."""
     lag = 2 * pi * model.cutoff
     return LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)
-
-
-def _canals(model: PerceptionModel) -> LinearSystem:
-    """Return the canals: from omega to y_w [rad/s].
-
-    States: omega behind the low pass, and what the cupula and the nerve subtract from it.
-    """
-    lag = 2 * pi * model.cutoff
-    cupula, nerve = np.diag(1 / np.array(model.tau)), np.diag(1 / np.array(model.tau_a))
-    A = np.block([[-lag * _I, _0, _0], [cupula, -cupula, _0], [nerve, -nerve, -nerve]])
-    B = np.vstack([lag * _I, _0, _0])
-    return LinearSystem(A=A, B=B, C=np.hstack([_I, -_I, -_I]), D=_0)
 
 
 def _cross(a: NDArray[np.object_], b: NDArray[np.object_]) -> Symbols:

@@ -23,7 +23,7 @@ from sdt_drake.machine.cueing.procedure import fly
 from sdt_drake.machine.cueing.program import RATE
 from sdt_drake.motion import load_plan, shipped_motions
 from sdt_drake.pilot.head import head_motion
-from sdt_drake.pilot.perception import LINEAR
+from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.robot import load_robot
 
 PERIOD = 1 / 60  # s, of JSBSim

@@ -18,8 +18,9 @@ from timing import head, row, spread
 
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.motion import Command, Motion, load_command, plan_motion, retime
+from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.illusions import feel
-from sdt_drake.pilot.perception import canals, false_sensation_after_stop
+from sdt_drake.pilot.thresholds import false_sensation_after_stop
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
@@ -40,7 +41,7 @@ def pilot(recording: Recording, robot: Robot) -> None:
     period = float(recording.time[1] - recording.time[0])
     for motion in (felt.reference, felt.achieved):
         _ = motion.resultant_g
-        canals(motion.angular_velocity, period)
+        sensed_rate(motion.angular_velocity, period)
         feel(motion, period, "clark2019")
         false_sensation_after_stop(motion.angular_velocity, period)
     for difference in (felt.felt, felt.felt_from_angles):

@@ -14,8 +14,8 @@ from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.paper.report import write_report
+from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.illusions import feel
-from sdt_drake.pilot.perception import canals
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import REPORT
 
@@ -127,7 +127,7 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
     for suffix, motion in (("_ref", head.reference), ("", head.achieved)):
         names = ("specific_force", "angular_velocity", "angular_acceleration")
         signals = {name: getattr(motion, name) for name in names}
-        signals["canals"] = canals(motion.angular_velocity, 0.005)
+        signals["canals"] = sensed_rate(motion.angular_velocity, 0.005)
         felt = feel(motion, 0.005, "clark2019").columns
         for name, values in (signals | {f"felt_{x}": y for x, y in felt.items()}).items():
             np.testing.assert_array_equal(columns[name + suffix], values)

@@ -17,7 +17,7 @@ from sdt_drake.machine.cueing.procedure import fly
 from sdt_drake.machine.cueing.program import Problem, Trajectory, rated
 from sdt_drake.motion import Motion, load_plan
 from sdt_drake.pilot.head import GRAVITY, head_motion
-from sdt_drake.pilot.perception import LINEAR
+from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
 
 QUICK = {"approach": 4.0, "departure": 4.0, "knot": 0.4}

@@ -5,19 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-from scipy.signal import lsim
+from scipy.signal import TransferFunction, lsim
 from strategies import GENERATORS
 
+from sdt_drake.pilot.canals import canals, low_pass, sensed_rate
 from sdt_drake.pilot.head import HeadMotion
-from sdt_drake.pilot.perception import (
+from sdt_drake.pilot.reported import Judged, verdict_of_all
+from sdt_drake.pilot.thresholds import (
     CHANNELS,
     DETECTORS,
     FeltDifference,
     false_sensation_after_stop,
     felt_difference,
-    low_pass,
 )
-from sdt_drake.pilot.reported import Judged, verdict_of_all
 
 H = 0.005
 TAU, TAU_A = 5.7, 80.0  # Rader, Oman & Merfeld 2009, Table T4
@@ -34,6 +34,18 @@ def test_low_pass_is_exact_for_straight_pieces(rng, T, h):
     u = rng.normal(size=(60, 2, 3))
     _, y, _ = lsim(([-1 / T], [1 / T], [1], [0]), u[:, 1, 2], h * np.arange(60), X0=u[0, 1, 2])
     np.testing.assert_allclose(low_pass(u, T, h)[:, 1, 2], y, atol=1e-9)
+
+
+def test_block_and_samples_of_the_canals_follow_the_published_transfer_function():
+    steps = np.random.default_rng(3).normal(size=(400, 3))
+    omega, t = np.cumsum(steps, axis=0), 0.1 * np.arange(400)
+    law = TransferFunction([TAU * TAU_A, 0, 0], [TAU * TAU_A, TAU + TAU_A, 1])
+    expected = np.transpose([lsim(law, column - column[0], t)[1] for column in omega.T])
+    np.testing.assert_allclose(sensed_rate(omega, 0.1), expected, atol=1e-11)
+    block = canals([TAU] * 3, [TAU_A] * 3)
+    start = np.concatenate([omega[0], np.zeros(3)])
+    _, y, _ = lsim((block.A(), block.B(), block.C(), block.D()), omega, t, X0=start)
+    np.testing.assert_allclose(y, expected, atol=1e-11)
 
 
 @pytest.mark.parametrize(("rate", "hold"), [(90, 60.0), (30, 300.0), (90, 2.0)])

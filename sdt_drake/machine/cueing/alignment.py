@@ -12,8 +12,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.cueing.program import SPEED_SHARE, Problem
+from sdt_drake.pilot.canals import low_pass
 from sdt_drake.pilot.head import GRAVITY, head_motion
-from sdt_drake.pilot.perception import low_pass
 
 _STEPS, _FIRST_STEPS = 3, 30  # Newton steps at each knot, and at the first one
 _HELD, _FIRST_HELD = 0.05, 1e-3  # weight of the distance from the knot before

@@ -12,10 +12,11 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.flight import Flight
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
+from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY, HeadMotion, head_motion
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.pilot.orientation import Percept, perceive
-from sdt_drake.pilot.perception import CANAL, LINEAR, low_pass
+from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.robot import Robot
 
 
@@ -66,7 +67,7 @@ class Candidate:
     @cached_property
     def felt_rate_error(self) -> Array:
         """Error of the angular rate after the canals' high pass [rad/s], shape (N + 1, 3)."""
-        return self.rate_error - low_pass(self.rate_error, CANAL, self.motion.period)
+        return self.rate_error - low_pass(self.rate_error, CUPULA, self.motion.period)
 
     @cached_property
     def torque(self) -> Array:
@@ -100,8 +101,8 @@ class Candidate:
         The rotation that the device has at that time is felt as one that begins.
         """
         error, period = self.rate_error[self.within], self.motion.period
-        faded = np.exp(-period / CANAL * np.arange(len(error)))[:, None]
-        return _felt(error - low_pass(error, CANAL, period) + faded * error[0])
+        faded = np.exp(-period / CUPULA * np.arange(len(error)))[:, None]
+        return _felt(error - low_pass(error, CUPULA, period) + faded * error[0])
 
     def beside(self, other: Candidate) -> tuple[float, float]:
         """Return G error and felt rotation error over those of another motion [-]."""

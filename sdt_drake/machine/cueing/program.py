@@ -26,8 +26,9 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion.trajectory import Motion
+from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import head_motion
-from sdt_drake.pilot.perception import AXES, CANAL, LINEAR, low_pass
+from sdt_drake.pilot.thresholds import AXES, LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
 
@@ -180,7 +181,7 @@ def fitted(problem: Problem, q: Array) -> Trajectory:
 def rated(problem: Problem, trajectory: Trajectory) -> Trajectory:
     """Return the trajectory with its merit."""
     error = _head(problem.robot, *trajectory.parts) - problem.head
-    error[:, 3:] -= low_pass(error[:, 3:], CANAL, problem.knot)
+    error[:, 3:] -= low_pass(error[:, 3:], CUPULA, problem.knot)
     error *= _scale(problem) * problem.weight
     excess = 0.0
     if math.isfinite(problem.torque_share):
@@ -337,7 +338,7 @@ class _Quadratic:
     def lagged(self, J: Array, off: Array) -> Array:
         """Return the canals' low pass of e = J (q, v) + off, as variables, shape (N, 3)."""
         count, n = self.q.shape
-        ratio = self._problem.knot / CANAL
+        ratio = self._problem.knot / CUPULA
         phi, b = math.exp(-ratio), -math.expm1(-ratio) / ratio
         z = self._program.NewContinuousVariables(count, 3, "z")
         first, then = sp.eye(count - 1, count), sp.eye(count - 1, count, k=1)

@@ -14,10 +14,11 @@ from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Story, TimedSegment
+from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.head import GRAVITY, HeadMotion
 from sdt_drake.pilot.illusions import true_attitude
 from sdt_drake.pilot.orientation import CAUTION, Percept, perceive
-from sdt_drake.pilot.perception import CHANNELS, canals
+from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.show.figures.scope import ACHIEVED
 from sdt_drake.show.panels import Line, Panel, draw, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, plain_numbers, style
@@ -123,7 +124,7 @@ def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Pane
 
     force = both(lambda motion: motion.specific_force / GRAVITY)
     rate = both(lambda motion: np.degrees(motion.angular_velocity))
-    sensed = canals(head.achieved.angular_velocity[:, axis], float(time[1] - time[0]))
+    sensed = sensed_rate(head.achieved.angular_velocity[:, axis], float(time[1] - time[0]))
     rate.append(Line("sensed by the canals (achieved)", Look(PALETTE[2]), np.degrees(sensed)))
     return (
         Panel(_FORCES[axis], "time [s]", "force [G]", time, force),

@@ -18,9 +18,10 @@ from sdt_drake.machine.cueing.candidate import Candidate
 from sdt_drake.machine.cueing.procedure import CueingResult
 from sdt_drake.machine.cueing.program import MAX_STEPS
 from sdt_drake.motion import margins
+from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.pilot.perception import CANAL, CHANNELS, low_pass
+from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, Table, render
 from sdt_drake.show.panels import Line, Panel, Plots
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, pictures, save_both, style
@@ -108,7 +109,7 @@ def low_pass_at(time: Array, rate: Array) -> Array:
     period = 0.02
     even = np.arange(0.0, time[-1] + period, period)
     columns = np.stack([np.interp(even, time, column) for column in rate.T], axis=1)
-    slow = low_pass(columns, CANAL, period)
+    slow = low_pass(columns, CUPULA, period)
     return np.stack([np.interp(time, even, column) for column in slow.T], axis=1)
 
 

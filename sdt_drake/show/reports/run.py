@@ -23,7 +23,7 @@ from sdt_drake.motion import story_of
 from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.pilot.perception import CHANNELS
+from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS

@@ -1,13 +1,9 @@
-"""Perception of head motion: semicircular canals, otoliths and thresholds.
-
-Canals and otoliths are linear first-order models from the literature, without vision or
-expectation. They have no velocity storage either, which extends felt rotation from 5.7 s to
-15-20 s; the observer of `sdt_drake.pilot.orientation` has it. The otoliths pass the specific
-force unchanged.
+"""Thresholds of perception, and which difference between two motions of the head can be felt.
 
 The thresholds are absolute ones: attentive subjects, silence and darkness, 1 G, no other motion.
-Vibration, noise and inattention raise them considerably (Army Aviation AV0593). Two assumptions
-follow from their use for *differences* between two motions:
+Vibration, noise and inattention raise them considerably (Army Aviation AV0593). The otoliths pass
+the specific force unchanged. Two assumptions follow from the use of thresholds for *differences*
+between two motions:
 
 - A difference is felt at the same level while the head moves and under G. In truth it takes more
   (Weber's law). So "could be felt" is on the safe side, and "is not felt" is the strong statement.
@@ -20,72 +16,19 @@ cannot recognise it as an error.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.pilot.canals import low_pass, sensed_rate
 from sdt_drake.pilot.head import HeadMotion
-
-CANAL = 5.7
-"""Time constant tau of the cupula [s] (Rader, Oman & Merfeld 2009, Table T4)."""
-
-ADAPTATION = 80.0
-"""Time constant tau_a of the adaptation of the nerve [s] (Rader, Oman & Merfeld 2009)."""
 
 UNPERCEIVED_RATE = 2.5
 """Largest rate of a steady rotation that is not perceived [deg/s] (Army Aviation AV0593)."""
 
 _FADING_TIME = 120.0
 """Time at rest after a recording in which sensations fade [s]."""
-
-
-def low_pass(u: Array, time_constant: float, period: float) -> Array:
-    """Return y of T y' + y = u, exact for u linear between samples, at rest before the start.
-
-    y_{i+1} = phi y_i + (b - phi) u_i + (1 - b) u_{i+1}, phi = e^{-h/T}, b = (1 - phi) T / h.
-
-    Args:
-        u: input, shape (N, ...).
-        time_constant: T [s].
-        period: sample period h [s].
-    """
-    ratio = period / time_constant
-    phi = math.exp(-ratio)
-    b = -math.expm1(-ratio) / ratio
-    w = np.concatenate([u[:1], (b - phi) * u[:-1] + (1 - b) * u[1:]])
-    # y_i = sum over j of phi^j w_{i-j}. Sums of 2, 4, 8, ... terms follow from two of half as many.
-    y, shift = w, 1
-    while shift < len(y):
-        y[shift:] += phi**shift * y[:-shift]
-        shift *= 2
-    return y
-
-
-def canals(omega: Array, period: float) -> Array:
-    """Return the angular rate that the canals sense [rad/s], in the shape of `omega`.
-
-        omega_sensed / omega = tau tau_a s² / ((tau s + 1) (tau_a s + 1))
-
-    The low passes of the partial fractions are exact for rates that are linear between samples. A
-    head that turns at the first sample has long done so: its canals sense no rotation.
-
-        >>> time = np.arange(0, 61, 0.01)
-        >>> sensed = canals(np.minimum(time, 1), period=0.01)  # to 1 rad/s in 1 s
-        >>> [f"{time[i]:.0f} s: {sensed[i]:.2f} rad/s" for i in (100, 600, 6000)]
-        ['1 s: 0.91 rad/s', '6 s: 0.34 rad/s', '60 s: -0.04 rad/s']
-
-    Args:
-        omega: rate of the head in its axes [rad/s], shape (N, ...).
-        period: sample period [s].
-    """
-    apart = ADAPTATION - CANAL
-    return (
-        omega
-        - ADAPTATION / apart * low_pass(omega, CANAL, period)
-        + CANAL / apart * low_pass(omega, ADAPTATION, period)
-    )
 
 
 def false_sensation_after_stop(omega: Array, period: float) -> Array:
@@ -108,7 +51,7 @@ def false_sensation_after_stop(omega: Array, period: float) -> Array:
         return np.full(3, np.nan)
     stopped = np.flatnonzero(turning)[-1] + 1
     still = np.zeros((round(_FADING_TIME / period), 3))
-    sensed = np.abs(canals(np.concatenate([omega, still]), period)[stopped:]) >= level
+    sensed = np.abs(sensed_rate(np.concatenate([omega, still]), period)[stopped:]) >= level
     return (~sensed).argmax(axis=0) * period
 
 
