@@ -112,7 +112,8 @@ def test_a_signal_leaves_all_files_of_a_set_or_none(stopped, tmp_path, event, wo
     [
         ("--help", {"numpy", "rich.markdown"}),
         ("--version", {"sdt_drake.cli.common"}),
-        ("tune reference", {"matplotlib"}),
+        ("tune reference", {"matplotlib", "pandas"}),
+        ("simulate axis_pi", {"matplotlib", "pandas"}),
     ],
 )
 def test_commands_import_no_more_than_they_need(line, heavy):

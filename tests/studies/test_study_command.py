@@ -1,9 +1,11 @@
 """`sdt-drake study` as a user meets it: what it refuses, what it shows, and nothing is lost."""
 
+import csv
 import json
 import re
 import shutil
 import sqlite3
+import sys
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from small_studies import rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.run.simulate import Recording
-from sdt_drake.studies.results import read_study_table
+from sdt_drake.studies.results import read_study_table, write_results
 from sdt_drake.studies.store import DATABASE, Store
 
 
@@ -110,6 +112,18 @@ def test_a_finished_study_is_shown_and_repeated_without_its_database(
 
 
 # --- results ---------------------------------------------------------------------------------
+
+
+def test_without_pyarrow_the_rows_are_the_same_in_a_csv_file(copied, monkeypatch):
+    with Store(copied) as store, monkeypatch.context() as without:
+        without.setitem(sys.modules, "pyarrow", None)
+        path, runs = write_results(store, copied), store.runs()
+    assert path.name == "results.csv"
+    with path.open() as file:
+        read = [row | {"row": int(row["row"])} for row in csv.DictReader(file)]
+    texts = {"row", "controller", "status", "reason"}
+    numbers = [{x: y if x in texts else float(y or "nan") for x, y in row.items()} for row in read]
+    np.testing.assert_equal(numbers, runs.reset_index().to_dict("records"))
 
 
 def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):

@@ -1,16 +1,20 @@
 """Whatever ends a study on its way: nothing is lost, and no process stays behind."""
 
 import math
+import os
 import signal
+import sys
 from collections.abc import Iterable
 from concurrent.futures import Future
 from pathlib import Path
+from subprocess import PIPE, Popen, run
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from odd_job import wait_for_end
 from small_studies import rows
 
 from sdt_drake.io.errors import InputError
@@ -153,3 +157,31 @@ def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(files, do
         whole = begun(job, Path(temporary, "whole"), ())
         Processes(job).run(whole)
         assert rows(folder).equals(rows(whole)) and len(done) == len(job.study)
+
+
+# --- ended in a process of its own -----------------------------------------------------------
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs /proc")
+def test_ctrl_c_keeps_what_is_done_ends_all_processes_and_resume_does_the_rest(desk, undisturbed):
+    """As in a terminal, which sends Ctrl-C to the command and its processes at once."""
+    command = [sys.executable, "-m", "sdt_drake", "study", "many.yaml", "--workers", "2"]
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    with Popen(command, stdout=PIPE, text=True, env=environment, start_new_session=True) as study:
+        while not study.stdout.readline().startswith("2 of 16 runs"):
+            assert study.poll() is None
+        children = Path(f"/proc/{study.pid}/task/{study.pid}/children").read_text().split()
+        assert len(children) >= 2
+        os.killpg(study.pid, signal.SIGINT)
+        rest = study.stdout.read()
+    assert study.returncode == 130
+    assert "finished runs are kept. To continue, add --resume --out many\n" in rest
+    for process in map(int, children):
+        wait_for_end(process)
+    with Store(desk / "many") as store:
+        kept = store.runs()
+    assert 2 <= len(kept) < 16
+    assert run([*command, "--resume"], check=False).returncode == 0
+    assert rows(desk / "many").equals(rows(undisturbed))
+    with Store(desk / "many") as store:
+        assert store.runs().loc[kept.index].equals(kept)  # with their durations: not run again

@@ -1,6 +1,7 @@
 """The table of a study: designs and their front, statistics against closed forms, and reports."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from sdt_drake.show.reports import study as report
 from sdt_drake.studies.summary import (
     explained_share,
     percentiles,
+    sensitivity,
+    tornado,
     worst_runs,
 )
 from sdt_drake.studies.table import pareto
@@ -46,6 +49,22 @@ def test_a_front_by_hand(cost, error, expected):
     assert pareto(cost, error).tolist() == list(map(bool, expected))
 
 
+def test_a_design_counts_with_its_worst_run_and_not_at_all_if_one_fails():
+    table = table_of(
+        {"motor": ["a", "b"] * 4, "load": [1.0] * 4 + [2.0] * 4, "controller": list("ppqq") * 2},
+        {
+            "cost_1": [1.0, 2, 3, 4, 5, 1, 2, np.nan],
+            "rms_speed_error_2": [8.0, 7, 6, 5, 4, 3, 2, 1],
+        },
+        ["ok"] * 6 + ["failed", "ok"],
+        choices=("motor", "controller"),
+    )
+    designs = table.designs("cost_1", "rms_speed_error")  # a design's runs are rows k and k + 4
+    assert designs.index.tolist() == [0, 1] and designs.index.name == "row"
+    expected = {"motor": "ab", "controller": "pp", "cost_1": [5, 2], "rms_speed_error": [8, 7]}
+    assert designs.to_dict("list") == {name: list(values) for name, values in expected.items()}
+
+
 # --- counts and percentiles ------------------------------------------------------------------
 
 
@@ -73,6 +92,34 @@ def test_the_ishigami_function(generator):
     total = 7**2 / 8 + 0.1 * np.pi**4 / 5 + 0.1**2 * np.pi**8 / 18 + 0.5
     found = [explained_share(x[:, k], y).value for k in range(3)]
     assert found == pytest.approx([v1 / total, v2 / total, 0], abs=0.015)
+
+
+def test_a_tornado_by_hand():
+    """Means of the fifths 0, 1 and 8, 9 of ten numbers, and of the levels of a text."""
+    x, text = np.arange(12.0), np.array(list("abababababcc"))
+    y = 2 * x + 3 * (text == "b")
+    table = small_table(y, ["ok"] * 10 + ["failed"] * 2, x=x, text=text, same=0 * x)
+    found = tornado(table, "y")
+    assert found.index.tolist() == ["x", "text"]
+    assert found.loc["x"].tolist() == [(0 + 5) / 2, (16 + 21) / 2, "", "", 16]
+    assert found.loc["text"].tolist() == [8, 13, "a", "b", 5]
+
+
+def test_shares_of_a_grid_by_hand():
+    """Of y = 3 a + b in every combination, Var(3 a) = 9/4 and Var(b) = 2/3 are the whole."""
+    a, b = np.repeat([0.0, 1.0], 3), np.tile(["k", "l", "m"], 2)
+    y = 3 * a + [0, 1, 2, 0, 1, 2]
+    grid = replace(small_table(y, a=a, b=b), per_draw=6)
+    found = sensitivity(grid, "y")
+    np.testing.assert_allclose(found["value"], np.array([9 / 4, 2 / 3]) / (9 / 4 + 2 / 3))
+    assert found.index.tolist() == ["a", "b"] and not found["error"].any()
+
+
+def test_equal_runs_of_a_draw_count_once(generator):
+    x = generator.uniform(0, 1, 200)
+    y, twice = x + generator.normal(size=200), np.repeat(np.arange(200), 2)
+    once, doubled = explained_share(x, y), explained_share(x[twice], y[twice], twice)
+    np.testing.assert_allclose(doubled, once, rtol=1e-12)
 
 
 # --- report and figures ----------------------------------------------------------------------
