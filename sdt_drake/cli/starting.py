@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from string import Template
-from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, write_text
-from sdt_drake.motion import load_commanded, margins
+from sdt_drake.io.yaml_files import with_comments, with_values
+from sdt_drake.motion import MotionProfile, command_of, commanded_motion, margins
+from sdt_drake.motion.profile import Track
+from sdt_drake.motion.segments import Turn
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.shapes import mesh_files
@@ -38,34 +40,7 @@ _MAX_SPEED, _MAX_TORQUE = 0.4, 0.7  # of the first motion, share of the limits
 _MAX_ANGLE, _MIN_ANGLE = 30.0, 0.5  # deg, of the first motion
 
 
-@dataclass(frozen=True)
-class FirstMotion:
-    """The first motion of a robot: all joints turn to an angle and back, from rest to rest."""
-
-    start: list[float]
-    """Angles at the start and the end [deg], shape (n,)."""
-    to: list[float]
-    """Angles between [deg], shape (n,)."""
-    duration: float
-    """Duration of each of the two turns [s]."""
-
-    @property
-    def lasts(self) -> float:
-        """The whole duration, with one second of rest at both ends and between [s]."""
-        return round(2 * self.duration + 3, 3)
-
-    def tracks(self, robot: Robot) -> str:
-        """Return the tracks as YAML text of a motion profile."""
-        back = round(self.duration + 2, 3)
-        return "\n".join(
-            f"  - joint: {json.dumps(name)}\n    segments:\n"
-            f"      - !Turn {{at: 1, to_deg: {to:g}, duration: {self.duration:g}}}\n"
-            f"      - !Turn {{at: {back:g}, to_deg: {start:g}, duration: {self.duration:g}}}"
-            for name, start, to in zip(robot.joint_names, self.start, self.to, strict=True)
-        )
-
-
-def first_motion(robot: Robot) -> FirstMotion:
+def first_motion(robot: Robot) -> MotionProfile:
     """Find a motion within stops, speeds and torques.
 
     The motion is slowed down until each torque is within 70 % of its limit. Its angles are halved
@@ -85,7 +60,7 @@ def first_motion(robot: Robot) -> FirstMotion:
             f"N m at {start[k]:g} deg, its <effort> is {robot.effort_limit[k]:g}"
         )
     while True:
-        found = FirstMotion(start.tolist(), (start + way).round(2).tolist(), round(duration, 2))
+        found = _turns(robot, start, (start + way).round(2), round(duration, 2))
         share = _largest_share(robot, found)
         if share <= max(_MAX_TORQUE, 1.02 * held.max()):
             return found
@@ -94,6 +69,30 @@ def first_motion(robot: Robot) -> FirstMotion:
             way /= 2
         else:
             duration *= 1.3
+
+
+def _turns(robot: Robot, start: Array, to: Array, duration: float) -> MotionProfile:
+    """Return the motion of all joints from rest to an angle and back, with rests of 1 s between.
+
+    Args:
+        robot: the robot.
+        start: angles at the start and the end [deg], shape (n,).
+        to: angles between [deg], shape (n,).
+        duration: duration of each of the two turns [s].
+    """
+    back = round(duration + 2, 3)
+    tracks = [
+        Track(
+            joint=name,
+            segments=[
+                Turn(at=1.0, to_deg=there, duration=duration),
+                Turn(at=back, to_deg=here, duration=duration),
+            ],
+        )
+        for name, here, there in zip(robot.joint_names, start.tolist(), to.tolist(), strict=True)
+    ]
+    lasts = round(2 * duration + 3, 3)
+    return MotionProfile(duration=lasts, start_deg=start.tolist(), tracks=tracks)
 
 
 def _middle(robot: Robot) -> tuple[Array, Array]:
@@ -113,11 +112,9 @@ def _gravity(robot: Robot, q: Array) -> Array:
     return share
 
 
-def _largest_share(robot: Robot, motion: FirstMotion) -> float:
+def _largest_share(robot: Robot, motion: MotionProfile) -> float:
     """Return the largest share of any limit but the stops that a motion takes [-]."""
-    with TemporaryDirectory() as folder:
-        file = write_text(Path(folder) / "motion.yaml", _motion_text(robot, motion))
-        share = margins(robot, load_commanded(file, robot, _PERIOD)).share
+    share = margins(robot, commanded_motion(robot, command_of(motion, robot), _PERIOD)).share
     return max(float(values.max()) for name, values in share.items() if name != "position")
 
 
@@ -138,51 +135,58 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
     names, motion = robot.joint_names, first_motion(robot)
     mass = _motor_masses(robot)
     chosen = sorted(np.argsort(-robot.effort_limit)[:_JOINTS_TO_SIZE].tolist())
-    motors = _motors(robot, np.where(mass > 0, mass, _MIN_MOTOR_MASS))
-    values = {
+    fitted = [name * bool(m) for name, m in zip(names, mass, strict=True)]
+    words = {
         "name": robot.name,
         "robot": robot.path.name,
-        "joints": ", ".join(robot.joint_names),
-        "omega_r": f"{_OMEGA_R:g}",
-        "fitted": json.dumps([x * bool(m) for x, m in zip(names, mass, strict=True)]),
+        "joints": ", ".join(names),
         "kept": json.dumps([""] * robot.n),
         "zeros": json.dumps([0] * robot.n),
-        "motors": "\n".join(line for each in motors for line in each),
-        "axes": "\n".join(
-            f"  - {{increments: 1048576, rated_torque: {_RATED_TORQUE * peak:.5g}, "
-            f"maximum_torque: {peak:.5g}}}  # {name}"
-            for peak, name in zip(robot.motor_torque_limit, robot.joint_names, strict=True)
-        ),
-        "choices": "\n".join(
-            f"  - {json.dumps([_scaled(name, x) for x in _SCALES] if k in chosen else [name])}"
-            for k, name in enumerate(names)
-        ),
-        "sets": str(len(_SCALES) ** len(chosen)),
-        "errors": json.dumps([float(f"{0.05 * v:.2g}") for v in _usual_speed(robot)]),
-        "example": ", ".join(f"{name}.position" for name in robot.joint_names),
-    }
-    write_text(folder / robot.path.name, _robot_text(robot, place))
-    write_text(folder / "motion.yaml", _motion_text(robot, motion))
-    files = [name.name for name in sorted(TEMPLATES.iterdir()) if name.name != "motion.yaml"]
-    for name in files:
-        write_text(folder / name, _filled(name, values))
-    return sorted([robot.path.name, "motion.yaml", *files])
-
-
-def _filled(name: str, values: dict[str, str]) -> str:
-    return Template((TEMPLATES / name).read_text(encoding="utf-8")).substitute(values)
-
-
-def _motion_text(robot: Robot, motion: FirstMotion) -> str:
-    values = {
-        "name": robot.name,
+        "sets": f"{len(_SCALES) ** len(chosen)}",
+        "example": ", ".join(f"{name}.position" for name in names),
         "speed": f"{100 * _MAX_SPEED:g}",
         "torque": f"{100 * _MAX_TORQUE:g}",
-        "duration": f"{motion.lasts:g}",
-        "start": json.dumps(motion.start),
-        "tracks": motion.tracks(robot),
     }
-    return _filled("motion.yaml", values)
+    values: dict[str, dict[str, Any]] = {
+        "drives.yaml": {"axes": [*map(_axis, robot.motor_torque_limit)]},
+        "motion.yaml": {
+            "title": f"First motion of {robot.name}",
+            "duration": motion.duration,
+            "start_deg": motion.start_deg,
+            "tracks": motion.tracks,
+        },
+        "motors.yaml": {"motors": _motors(robot, np.where(mass > 0, mass, _MIN_MOTOR_MASS))},
+        "scenario.yaml": {
+            "robot": robot.path.name, "device.fitted": fitted, "controller.omega_r": _OMEGA_R,
+        },
+        "sizing.yaml": {
+            "device.fitted": fitted,
+            "motors": [
+                [_scaled(name, x) for x in _SCALES] if k in chosen else [name]
+                for k, name in enumerate(names)
+            ],
+            "requirements.max_abs_speed_error": [_digits(0.05 * v, 2) for v in _usual_speed(robot)],
+        },
+    }  # fmt: skip
+    write_text(folder / robot.path.name, _robot_text(robot, place))
+    files = [path.name for path in sorted(TEMPLATES.iterdir())]
+    for name in files:
+        text = Template((TEMPLATES / name).read_text(encoding="utf-8")).substitute(words)
+        text = with_values(text, values.get(name, {}))
+        if name == "drives.yaml":
+            text = with_comments(text, {f"axes[{k + 1}]": names[k] for k in range(robot.n)})
+        write_text(folder / name, text)
+    return sorted([robot.path.name, *files])
+
+
+def _axis(peak: float) -> dict[str, Any]:
+    """Return the data of a drive by the peak torque of its motor [N m]."""
+    rated, largest = _digits(_RATED_TORQUE * peak, 5), _digits(peak, 5)
+    return {"increments": 1048576, "rated_torque": rated, "maximum_torque": largest}
+
+
+def _digits(value: float, count: int) -> float:
+    return float(f"{value:.{count}g}")
 
 
 def _robot_text(robot: Robot, place: Path) -> str:
@@ -213,25 +217,29 @@ def _motor_masses(robot: Robot) -> Array:
     return np.array(masses)
 
 
-def _motors(robot: Robot, mass: Array) -> list[list[str]]:
-    """Return the YAML lines of each joint's motors."""
+def _motors(robot: Robot, mass: Array) -> list[dict[str, Any]]:
+    """Return the motors of all joints, of each size, as in a file of motors."""
     M = robot.plant.CalcMassMatrix(robot.context_at_zero())
     ratio = robot.gear_ratio
     rotor = np.where(
         robot.rotor_inertia > 0, robot.rotor_inertia, _ROTOR_INERTIA * np.diag(M) / ratio**2
     )
     rpm = robot.velocity_limit * ratio * 60 / (2 * pi)
-    lines = []
+    motors = []
     for k, name in enumerate(robot.joint_names):
-        speeds = f"n1_rpm: {rpm[k]:.5g}, n0_rpm: {_NO_LOAD_SPEED * rpm[k]:.5g}, "
-        kind = "torque motor" if ratio[k] == 1 else f"geared motor, gear_ratio: {ratio[k]:.6g}"
-        lines.append([
-            f"  - {{id: {json.dumps(_scaled(name, x))}, kind: {kind}, "
-            f"peak_torque: {x * robot.motor_torque_limit[k]:.6g}, "
-            f"rated_torque: {x * _RATED_TORQUE * robot.motor_torque_limit[k]:.5g},\n"
-            f"     rotor_inertia: {x * rotor[k]:.4g}, {speeds * bool(np.isfinite(rpm[k]))}"
-            f"mass: {x * mass[k]:.4g},\n     thermal_time_constant: 600, "
-            f"source: {json.dumps(f'assumed around {robot.path.name}')}}}"
-            for x in _SCALES
-        ])  # fmt: skip
-    return lines
+        peak = robot.motor_torque_limit[k]
+        for x in _SCALES:
+            motor: dict[str, Any] = {"id": _scaled(name, x), "kind": "torque motor"}
+            if ratio[k] != 1:
+                motor |= {"kind": "geared motor", "gear_ratio": _digits(ratio[k], 6)}
+            motor["peak_torque"] = _digits(x * peak, 6)
+            motor["rated_torque"] = _digits(x * _RATED_TORQUE * peak, 5)
+            motor["rotor_inertia"] = _digits(x * rotor[k], 4)
+            if np.isfinite(rpm[k]):
+                motor["n1_rpm"] = _digits(rpm[k], 5)
+                motor["n0_rpm"] = _digits(_NO_LOAD_SPEED * rpm[k], 5)
+            motor["mass"] = _digits(x * mass[k], 4)
+            motor["thermal_time_constant"] = 600
+            motor["source"] = f"assumed around {robot.path.name}"
+            motors.append(motor)
+    return motors

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
-from sdt_drake.io.errors import InputError, one_line, within
+from sdt_drake.io.errors import InputError, dotted, one_line, within
 from sdt_drake.io.fields import FromHere, Input, Variant, made
 from sdt_drake.io.files import has_control_characters, read_text, write_text
 from sdt_drake.io.names import given_fields, put
@@ -126,13 +126,70 @@ def write_yaml(path: str | Path, thing: object) -> None:
     write_text(Path(path), yaml_text(thing))
 
 
-def yaml_text(thing: object, changes: Mapping[str, Any] | None = None) -> str:
+def yaml_text(
+    thing: object,
+    changes: Mapping[str, Any] | None = None,
+    comments: Mapping[str, str] | None = None,
+) -> str:
     """Return an object of a model as YAML, without the fields left at None.
 
-    `changes` are other values by dotted names. They are not checked: files may not exist here.
+    Args:
+        thing: the object.
+        changes: other values by dotted names. They are not checked: files may not exist here.
+        comments: comments by dotted names, at the ends of lines; that of "" comes first.
     """
+    return with_comments(_dumped(put(thing, changes or {})), comments or {})
+
+
+def with_values(text: str, values: Mapping[str, Any]) -> str:
+    """Return a YAML text with other values of its fields. Comments stay.
+
+    Args:
+        text: the text; the old values are on one line each.
+        values: objects of models or plain data, by dotted names.
+    """
+    for name, value in values.items():
+        key, old = _nodes(text)[name]
+        start, end = key.start_mark.index, old.end_mark.index
+        first, *others = _dumped({key.value: value}).rstrip("\n").split("\n")
+        rest, after = text[end:].split("\n", 1)
+        lines = [first + rest, *(" " * key.start_mark.column + line for line in others)]
+        text = text[:start] + "\n".join([*lines, after])
+    return text
+
+
+def with_comments(text: str, comments: Mapping[str, str]) -> str:
+    """Return a YAML text with a comment at the end of the line of each named field.
+
+    The lines of the comment of "" come before the text.
+    """
+    lines, nodes = text.split("\n"), _nodes(text)
+    for name, comment in comments.items():
+        if name:
+            lines[nodes[name][0].start_mark.line] += f"  # {one_line(comment)}"
+    head = [f"# {line}" for line in comments.get("", "").splitlines()]
+    return "\n".join([*head, *lines])
+
+
+def _nodes(text: str) -> dict[str, tuple[yaml.Node, yaml.Node]]:
+    """Return the nodes of key and value of all fields of a YAML text by dotted name."""
+
+    def within(node: yaml.Node | None, place: str) -> Iterator[tuple[str, yaml.Node, yaml.Node]]:
+        children: list[tuple[str, yaml.Node, yaml.Node]] = []
+        if isinstance(node, yaml.MappingNode):
+            children = [(dotted(place, key.value), key, value) for key, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            children = [(f"{place}[{i + 1}]", item, item) for i, item in enumerate(node.value)]
+        for child in children:
+            yield child
+            yield from within(child[2], child[0])
+
+    return {name: (key, value) for name, key, value in within(yaml.compose(text), "")}
+
+
+def _dumped(data: Any) -> str:
     return yaml.dump(
-        put(thing, changes or {}),
+        data,
         Dumper=_Writer,
         sort_keys=False,
         allow_unicode=True,
@@ -147,6 +204,11 @@ class _Writer(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
+    def represent(self, data: Any) -> None:
+        node = self.represent_data(data)
+        node.flow_style = False  # type: ignore  # a field of the file on each line
+        self.serialize(node)
+
 
 def _represented(writer: _Writer, thing: Any) -> yaml.Node:
     tag = f"!{type(thing).__name__}" if isinstance(thing, Variant) else writer.DEFAULT_MAPPING_TAG
@@ -154,7 +216,14 @@ def _represented(writer: _Writer, thing: Any) -> yaml.Node:
     return writer.represent_mapping(tag, values)
 
 
+def _tagged(writer: _Writer, data: dict[str, Any]) -> yaml.Node:
+    """Represent a mapping with its tag, as `parse_yaml` returns it."""
+    tag = data.get("_tag", writer.DEFAULT_MAPPING_TAG)
+    return writer.represent_mapping(tag, {key: data[key] for key in data if key != "_tag"})
+
+
 _Writer.add_multi_representer(Input, _represented)
+_Writer.add_representer(dict, _tagged)
 
 
 class _Reader(yaml.SafeLoader):
@@ -220,15 +289,15 @@ class _Reader(yaml.SafeLoader):
                     f"the key {text} is no text in YAML (yes, no, on and off are truth values), "
                     "expected the name of a field",
                 )
-            dotted = f"{name}.{key.value}".lstrip(".")
-            value = self._value(inner, dotted, depth + 1)
+            place = dotted(name, key.value)
+            value = self._value(inner, place, depth + 1)
             if key.tag == _MERGE:
                 for part in reversed(value if isinstance(value, list) else [value]):
                     if not isinstance(part, dict):
-                        raise _wrong(key, dotted, "expected a mapping to merge")
+                        raise _wrong(key, place, "expected a mapping to merge")
                     merged.update(part)
             elif self._value(key, name, depth) in own:
-                raise _wrong(key, dotted, "is given twice")
+                raise _wrong(key, place, "is given twice")
             else:
                 own[key.value] = value
         tag = {} if node.tag == self.DEFAULT_MAPPING_TAG else {"_tag": node.tag}

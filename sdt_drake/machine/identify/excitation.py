@@ -20,7 +20,9 @@ from sdt_drake.io.arguments import positives
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
+from sdt_drake.io.names import given
 from sdt_drake.io.progress import work
+from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.machine.identify.limits import Limits
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion.profile import MotionProfile, Track
@@ -145,25 +147,12 @@ class Excitation:
         Raises:
             InputError: The file cannot be written.
         """
-        profile = self.profile
-        lines = [
-            "# Periodic motion that excites a robot for identification, made by `sdt-drake excite`",
-            f"name: {profile.name}",
-            f"duration: {profile.duration!r}  # s",
-            f"q0: {_rounded(profile.q0 or [])}  # rad",
-            "tracks:",
-        ]
-        for track, segments in zip(profile.tracks, self.segments, strict=True):
-            lines += [f'  - joint: "{track.joint}"', "    segments:"]
-            for one in segments:
-                lines += [
-                    "      - !Fourier",
-                    f"        period: {one.period!r}  # s",
-                    f"        sine: {_rounded(one.sine)}  # rad",
-                    f"        cosine: {_rounded(one.cosine)}",
-                    f"        end: {one.end!r}",
-                ]
-        write_text(Path(path), "\n".join(lines) + "\n")
+        comments = {
+            "": "Periodic motion that excites a robot for identification, by `sdt-drake excite`",
+            "duration": "s",
+            "q0": "rad",
+        }
+        write_text(Path(path), yaml_text(dict(given(self.profile)), comments=comments))
 
 
 def excite(
@@ -361,7 +350,3 @@ def _expected(columns: Array, samples: float) -> tuple[Array, float]:
     with np.errstate(divide="ignore"):
         sigma = np.sqrt(np.sum((Vt / singular[:, None]) ** 2, axis=0)) / scale / np.sqrt(samples)
         return sigma, float(singular[0] / singular[-1])
-
-
-def _rounded(values: Sequence[float]) -> list[float]:
-    return [round(x, 9) for x in values]

@@ -11,7 +11,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.tables import write_table
-from sdt_drake.io.yaml_files import write_yaml
+from sdt_drake.io.yaml_files import parse_yaml, with_values, write_yaml
 from sdt_drake.machine.identify.filtering import ABOVE, Smooth, smooth, stretches
 from sdt_drake.machine.identify.model import PlantFriction, directions, save_robot
 from sdt_drake.machine.identify.procedure import Identified
@@ -154,7 +154,7 @@ def _write_study(
     found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
 ) -> None:
     """Write a study in which links and friction vary by their standard deviations."""
-    text = Path(__file__).with_name("uncertainty.yaml").read_text(encoding="utf-8")
+    base = "scenario.yaml"
     along = directions(found, robot)
     if len(along):
         write_table(
@@ -165,23 +165,35 @@ def _write_study(
         spread = Deviation(spread="uncertainty.csv", along=(0.0,) * len(along))
         changes = {"name": "uncertain", "plant.deviation": spread}
         save_scenario(scenario.changed(changes), folder / "uncertain.yaml")
-        text = text.replace("scenario: scenario.yaml", "scenario: uncertain.yaml")
-    for k in range(len(along)):
-        text += (
-            f'  - name: links_{k + 1}\n    fields: ["plant.deviation.along[{k + 1}]"]\n'
-            "    distribution: !Normal {mean: 0, std: 1, low: -4, high: 4}\n"
-        )
+        base = "uncertain.yaml"
+    variables: list[dict[str, Any]] = [
+        {
+            "name": f"links_{k + 1}",
+            "fields": [f"plant.deviation.along[{k + 1}]"],
+            "distribution": _normal(0, 1, -4, 4),
+        }
+        for k in range(len(along))
+    ]
     laws = {"coulomb": friction.friction.coulomb, "viscous": friction.friction.viscous}
     for (name, values), std in zip(laws.items(), friction.std, strict=True):
         for k, value in enumerate(values or []):
             share = min(std[k] / value, 1.0) if value > 0 else 0.0
             if share > 1e-6:
-                fields = [f'"plant.friction.{name}[{k + 1}]"']
+                fields = [f"plant.friction.{name}[{k + 1}]"]
                 if name == "coulomb" and friction.friction.breakaway:
-                    fields.append(f'"plant.friction.breakaway[{k + 1}]"')
-                text += (
-                    f"  - name: {name}_{k + 1}\n    fields: [{', '.join(fields)}]\n"
-                    "    apply: factor\n"
-                    f"    distribution: !Normal {{mean: 1, std: {share:.4g}, low: 0, high: 3}}\n"
-                )
+                    fields.append(f"plant.friction.breakaway[{k + 1}]")
+                factor = _normal(1, float(f"{share:.4g}"), 0, 3)
+                variables.append({
+                    "name": f"{name}_{k + 1}",
+                    "fields": fields,
+                    "apply": "factor",
+                    "distribution": factor,
+                })  # fmt: skip
+    text = Path(__file__).with_name("uncertainty.yaml").read_text(encoding="utf-8")
+    controllers, *_ = parse_yaml(text)["variables"]
+    text = with_values(text, {"scenario": base, "variables": [controllers, *variables]})
     write_text(folder / "uncertainty.yaml", text)
+
+
+def _normal(mean: float, std: float, low: float, high: float) -> dict[str, Any]:
+    return {"_tag": "!Normal", "mean": mean, "std": std, "low": low, "high": high}
