@@ -18,7 +18,7 @@ from sdt_drake.io.shown import aligned, by_joint
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from sdt_drake.show.documents import Table
+    from sdt_drake.show.sections import Table
 
 _BAR_DELAY = 2.0  # s; shorter work shows no bar
 

@@ -31,7 +31,6 @@ def run(
         out: folder for report, figure and table; or file for the figure alone (.png, .svg, .pdf)
             or the table alone (.csv)
     """
-    from sdt_drake.show.documents import plain
     from sdt_drake.show.figures.replay import replay_figure
     from sdt_drake.show.reports.replay import (
         FILES,
@@ -39,6 +38,7 @@ def run(
         tables,
         write_replay,
     )
+    from sdt_drake.show.sections import plain
 
     common.check_out(out, show, ["", ".csv"])
     if out is not None and not out.suffix:

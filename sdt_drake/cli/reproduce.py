@@ -20,7 +20,8 @@ def run(*, out: Target = Path("out")) -> None:
     from sdt_drake.paper.files import FILES, write_reproduction
     from sdt_drake.paper.report import claims_in_words, findings
     from sdt_drake.paper.reproduction import Stopwatch, reproduce
-    from sdt_drake.show.documents import REPORT, plain
+    from sdt_drake.show.documents import REPORT
+    from sdt_drake.show.sections import plain
 
     start = time.perf_counter()
     check_folder(out, FILES)

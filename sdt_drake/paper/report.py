@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sdt_drake.analysis.metrics import METRICS, plain_number
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
-from sdt_drake.io.shown import formatted
 from sdt_drake.paper.claims import (
     BEYOND,
     BY_CONSTRUCTION,
@@ -24,22 +22,43 @@ from sdt_drake.paper.claims import (
     REPRODUCED,
     VERDICTS,
 )
-from sdt_drake.paper.published import TABLE1, table1
+from sdt_drake.paper.tables import (
+    RUN,
+    Json,
+    felt_table,
+    inertia_table,
+    label_cells,
+    run_cells,
+    runs_table,
+    steps_table,
+    value_table,
+)
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.pilot.reported import LEGEND, Judged, verdict_of_all
-from sdt_drake.show import documents as doc
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report
 from sdt_drake.show.reports.perception import reported_notes, reported_table
+from sdt_drake.show.sections import (
+    Block,
+    Box,
+    Marked,
+    Page,
+    Picture,
+    Section,
+    Table,
+    bullets,
+    prose,
+    said,
+    tiles,
+)
 
+TEXTS = Path(__file__).with_name("texts")
 RECORDING, SUMMARY = "device.html", "summary.json"
-FILES = ("table1.md", doc.MARKDOWN, doc.REPORT)
+FILES = ("table1.md", MARKDOWN, REPORT)
 """Files of a report, all of them written or none."""
 
 _MAX_FILE_BYTES = 100_000_000
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
 """Errors caused by a summary without the data of the report."""
-
-Json = Mapping[str, Any]
-"""A part of summary.json."""
 
 LOOKS = {
     REPRODUCED: ("good", "✓"),
@@ -72,12 +91,12 @@ _KINDS = {
 }
 
 
-def write_report(folder: Path, studies: Sequence[Mapping[str, object]] = ()) -> Path:
+def write_report(folder: Path, studies: Sequence[Section] = ()) -> Path:
     """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
 
     Args:
         folder: the folder with summary.json and the figures.
-        studies: chapters at the end, made by `study_chapter`.
+        studies: sections at the end, made by `study_chapter`; their figures are written, too.
 
     Returns:
         The path of the page.
@@ -86,15 +105,18 @@ def write_report(folder: Path, studies: Sequence[Mapping[str, object]] = ()) -> 
         InputError: if a file is missing or cannot be used; nothing is written then.
     """
     with _advice(folder):
-        values = _values(_read_summary(folder / SUMMARY))
-        has_device = (folder / RECORDING).exists()
-        text = doc.render("paper.md.j2", **values, has_device=has_device, studies=studies)
-        table1 = doc.render("table1.md.j2", **values)
-        page = doc.Report(text, folder, symbols=True).page()
+        summary = _read_summary(folder / SUMMARY)
+        sections = list(_sections(summary, has_device=(folder / RECORDING).exists()))
+        report = Report(_TITLE, [_about(summary)], [*sections, *studies], symbols=True)
+        values = [section for section in sections if section.title in ("Table 1", "Provenance")]
+        table1 = Report("Table 1, from the SDF and the reference motion", [], values)
+        report.write_parts(folder)
+        page = report.page(folder)
+    texts = (table1.markdown(), report.markdown(), page)
     with replacing_files(folder) as new:
-        for name, content in zip(FILES, (table1, text, page), strict=True):
+        for name, content in zip(FILES, texts, strict=True):
             write_text(new / name, content)
-    return folder / doc.REPORT
+    return folder / REPORT
 
 
 @contextmanager
@@ -171,9 +193,9 @@ def _reported(summary: Json) -> list[Judged]:
     return [Judged(**read(entry)) for entry in summary["reported"]]
 
 
-def findings(summary: Json) -> list[str]:
+def findings(summary: Json) -> list[Marked]:
     """Return the most important results of summary.json as sentences."""
-    return doc.bullets("findings.md.j2", **_numbers(summary))
+    return list(map(Marked, prose("findings", TEXTS, **_numbers(summary)).splitlines()))
 
 
 def _worst(felt: Json, channels: slice) -> str:
@@ -181,181 +203,155 @@ def _worst(felt: Json, channels: slice) -> str:
     return f"{multiple:.2f} ({name})"
 
 
-def _values(summary: Json) -> dict[str, object]:
-    """Return the values of paper.md.j2."""
-    beyond = [
-        {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
-        for e in summary["beyond"]
-    ]
-    reported = _reported(summary)
-    runs, claims, seconds = summary["tracking"], summary["claims"], summary["wall_time_s"]
-    counts = count_verdicts(claims).items()
-    speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
-    position = "max_abs_position_error"
-    torques = (position, "rms_torque_share", "peak_torque_share")
-    times = {**seconds, "sum of the stages": sum(seconds.values())}
-    return {
+# --- sections --------------------------------------------------------------------------------
+
+_TITLE = "Computed torque control for a spatial disorientation trainer, recomputed in Drake"
+
+
+def _about(summary: Json) -> Marked:
+    return said(
+        "Vidaković, Kvrgić et al., Facta Universitatis, Series Mechanical Engineering 18(2), "
+        "2020, doi 10.22190/FUME190919003V. sdt_drake {package}, drake {drake}.",
+        **summary["versions"],
+    )
+
+
+def _sections(summary: Json, *, has_device: bool) -> Iterator[Section]:
+    """Make the sections of the report in their order."""
+    claims = summary["claims"]
+    yield Section("Summary", _summary(summary))
+    if has_device:
+        turn = "The reference motion in 3D; drag to turn the view."
+        yield Section("Device in 3D", [turn, Page(RECORDING, "Load the 3D recording")])
+    yield Section("Claims", list(map(_claim, claims)))
+    yield Section(
+        "Motion",
+        [Picture("figure2.png", "Reference motion: position, speed and acceleration of each joint "
+                 "(Figure 2).")],
+    )  # fmt: skip
+    yield Section(
+        "Table 1",
+        ["Values from the device's mass matrix along the motion, and those of the paper; inertias "
+         "and gains are motor side.", inertia_table(summary["table1"])],
+    )  # fmt: skip
+    yield Section(
+        "Step response",
+        [steps_table(summary["step_response"]),
+         Picture("figure4.png", "Step response of axis 1 with both structures of the PI controller "
+                 "(Figure 4).")],
+    )  # fmt: skip
+    drawn = "Drawn from the loops that are simulated, with the load torque on line and the elements"
+    pictures = [Picture(f"diagrams/{name}.svg", words) for name, words in _DIAGRAMS.items()]
+    yield Section("Models", [f"{drawn} of the PI controller.", *pictures])
+    yield Section(
+        "Decoupled axes",
+        ["The paper's models: each motor turns a constant inertia against the load torque of the "
+         "reference.",
+         Picture("figure7.png", "Joint speeds on the decoupled axes, Algorithm 1 as printed "
+                 "(Figure 7)."),
+         Picture("figure8.png", "Speed errors on the decoupled axes, Algorithm 1 as printed "
+                 "(Figure 8).")],
+    )  # fmt: skip
+    yield Section(
+        "Coupled plant",
+        ["Here the joints influence each other by their dynamics; the controllers are the same. "
+         "The figure at the top of this page shows the speed errors."],
+    )  # fmt: skip
+    yield Section("Runs", _runs(summary["tracking"]))
+    yield Section("Beyond the paper", _beyond(summary))
+    times = {**summary["wall_time_s"], "sum of the stages": sum(summary["wall_time_s"].values())}
+    yield Section(
+        "Provenance",
+        [prose("provenance", TEXTS),
+         Table(["", "version"], list(summary["versions"].items())),
+         Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()])],
+    )  # fmt: skip
+
+
+_DIAGRAMS = {
+    "figure3": "Decoupled axes with load torque and dynamic saturation (Figure 3).",
+    "figure4": "PI controller on the error (Figure 4).",
+    "figure5": "PI controller with its proportional gain in the feedback path (Figure 5).",
+    "figure6": "Single joint CTC: the load torque fed forward, the true load disturbed (Figure 6).",
+    "coupled_loop": "The MultibodyPlant under PI + CTC, with its load disturbed.",
+}
+_SPEEDS = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
+_POSITION = "max_abs_position_error"
+
+
+def _summary(summary: Json) -> list[Block]:
+    claims = summary["claims"]
+    answer = said(
+        "**Computed torque control (CTC) makes the speed error of joint 2 at constant speed "
+        "{steady_gain:.1f} times smaller than PI alone. While the reference accelerates, the gain "
+        "is only {ctc_gain:.2f} times; with the sign that the paper prints, CTC makes the error "
+        "larger.**",
         **_numbers(summary),
-        "versions": summary["versions"],
-        "verdicts": [(count, verdict, LOOKS[verdict][0]) for verdict, count in counts],
-        "claims_in_words": claims_in_words(claims),
-        "claims": [
-            {
-                **claim,
-                "place": claim.get("place", ""),
-                "sign": LOOKS[claim["verdict"]][1],
-                "numbers": value_table(claim),
-            }
-            for claim in claims
-        ],
-        "table1": _table1(summary["table1"]),
-        "steps": _steps(summary["step_response"]),
-        "runs_speeds": _by_joint(_RUN, map(_run, runs), runs, speeds),
-        "runs_positions": _by_joint(_RUN, map(_run, runs), runs, (position, "saturated_fraction")),
-        "beyond_speeds": _by_joint(["controller"], map(_label, beyond), beyond, speeds),
-        "beyond_torques": _by_joint(["controller"], map(_label, beyond), beyond, torques),
-        "felt": _felt(beyond),
-        "both": verdict_of_all(reported),
-        "caution": CAUTION,
-        "reported": reported_table(reported),
-        "reported_notes": reported_notes(reported),
-        "legend": LEGEND,
-        "needs": doc.Table(
-            ["controller", "blocks", "needs to know"],
-            [[*_label(e), str(e["blocks"]), ", ".join(e["needs"])] for e in beyond],
-        ),
-        "version_table": doc.Table(["", "version"], list(summary["versions"].items())),
-        "times": doc.Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
-    }
+    )
+    errors = "Speed errors on the coupled MultibodyPlant, with both signs of Algorithm 1."
+    assumed = Marked(
+        "**The device and the motion are assumed**, as the paper publishes neither geometry nor "
+        "masses. Results that depend on them are marked *not comparable*."
+    )
+    stated = said(
+        "The paper states that CTC improves the tracking of a four-axis trainer. {}",
+        claims_in_words(claims),
+    )
+    counts = [(n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
+    results = [Marked("### Findings"), bullets(findings(summary))]
+    picture = Picture("coupled_errors.png", errors)
+    return [answer, picture, *results, assumed, stated, tiles(counts)]
 
 
-def value_table(claim: Json) -> doc.Table:
-    """Make the table of published and computed values of a claim.
-
-    Values of joints have a column for each joint; other values have the column "all".
-    """
-    published, computed = claim["published"], claim["computed"]
-    if isinstance(published, dict):
-        header = ["", *(key.replace("_", " ") for key in published)]
-        of = {"published": published, "computed": computed}
-        return doc.Table(header, [[name, *map(_listed, x.values())] for name, x in of.items()])
-    rows = [*_value_rows("published", published), *_value_rows("computed", computed)]
-    n = max(len(values) for _, values in rows)
-    if n == 1:
-        return doc.Table(["", ""], [[name, *values] for name, values in rows])
-    whole = [values if len(values) == n else [""] * n + values for _, values in rows]
-    width = max(map(len, whole))
-    header = ["", *(f"joint {k + 1}" for k in range(n)), *["all"] * (width - n)]
-    cells = [[*values, *[""] * (width - len(values))] for values in whole]
-    return doc.Table(header, [[name, *x] for (name, _), x in zip(rows, cells, strict=True)])
-
-
-def _value_rows(name: str, value: object) -> list[tuple[str, list[str]]]:
-    if isinstance(value, dict):
-        return [
-            row
-            for key, item in value.items()
-            for row in _value_rows(f"{name}, {key.replace('_', ' ')}", item)
-        ]
-    return [(name, [_listed(x) for x in (value if isinstance(value, list) else [value])])]
-
-
-def _listed(value: object) -> str:
-    """Return a value of the summary as text."""
-    if isinstance(value, dict):
-        return "; ".join(f"{key.replace('_', ' ')} {_listed(v)}" for key, v in value.items())
-    if isinstance(value, list):
-        return ", ".join(map(_listed, value))
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return plain_number(value) if isinstance(value, float) else str(value)
-
-
-def _by_joint(
-    labels: Sequence[str],
-    names: Iterable[Sequence[str]],
-    entries: Sequence[Json],
-    metrics: Sequence[str],
-) -> doc.Table:
-    """Make a table with a row for each entry, and a value of each metric for each joint."""
-    rows = [
-        [*own, *([METRICS[m].text(value) for value in entry[m]] for m in metrics)]
-        for own, entry in zip(names, entries, strict=True)
+def _claim(claim: Json) -> Box:
+    verdict, place = claim["verdict"], claim.get("place", "")
+    blocks = [
+        said("{} **{}** {:code}", LOOKS[verdict][1], verdict, claim["id"]),
+        said("### {}", claim["statement"]),
+        *([place] if place else []),
+        value_table(claim),
+        claim["why"],
     ]
-    return doc.spread([*labels, *(METRICS[m].column for m in metrics)], rows)
+    return Box("article", blocks, f' class="claim" data-verdict="{verdict}"')
 
 
-_RUN = ("plant", "process", "Algorithm 1", "controller", "A")
-
-
-def _run(run: Json) -> list[str]:
-    amplitude = f"{run['disturbance_amplitude']:g}"
-    return [run["plant"], run["process"], run["algorithm"], doc.code(run["controller"]), amplitude]
-
-
-def _label(entry: Json) -> list[str]:
-    return [doc.code(entry["controller"])]
-
-
-def _table1(rows: Sequence[Json]) -> doc.Table:
-    columns = {
-        "i_eff_max": ("I_eff,max [kg m²]", ".2f"),
-        "i_eff_median": ("median", ".2f"),
-        "i_eff_min": ("min", ".2f"),
-        "variation_percent": ("variation [%]", ".2f"),
-        "kp": ("K_PS [N m s/rad]", ".1f"),
-        "ki": ("K_IS [N m/rad]", ".0f"),
-        "zeta_max": ("zeta at max", ".3f"),
-        "zeta_median": ("at median", ".3f"),
-        "zeta_min": ("at min", ".3f"),
-    }
-    published = [
-        [f"{table1(name)[k]:g}" if name in TABLE1 else "–" for name in columns]
-        for k in range(len(rows))
+def _runs(runs: Sequence[Json]) -> list[Block]:
+    speeds = runs_table(RUN, map(run_cells, runs), runs, _SPEEDS)
+    positions = runs_table(RUN, map(run_cells, runs), runs, (_POSITION, "saturated_fraction"))
+    return [
+        "Largest, RMS and constant-speed error (from 1 s after the speed became constant) of each "
+        "joint's speed, joint side. The process i_eff_min is the published I_eff,max less the "
+        "published variation, for joint 4 too. A is the amplitude of the disturbance.",
+        speeds,
+        "Largest position error, and saturated share of time.",
+        positions,
     ]
-    names = [f"joint {k + 1}" for k in range(len(rows))]
-    return _pairs(columns, names, rows, published)
 
 
-def _steps(steps: Json) -> doc.Table:
-    columns = {
-        "rise_time": ("rise, 10–90 % [s]", ".4f"),
-        "settling_time": ("settling, 2 % [s]", ".4f"),
-        "overshoot_percent": ("overshoot [%]", ".3f"),
-    }
-    structures = {"pi": "PI on the error", "p_in_feedback": "P in the feedback path"}
-    published = [[f"{steps['published'][key][name]:g}" for name in columns] for key in structures]
-    return _pairs(columns, structures.values(), [steps[key] for key in structures], published)
-
-
-def _pairs(
-    columns: Mapping[str, tuple[str, str]],
-    names: Iterable[str],
-    computed: Sequence[Json],
-    published: Sequence[Sequence[str]],
-) -> doc.Table:
-    """Make a table with a computed and a published row for each name.
-
-    `columns` contains title and format by key.
-    """
-    rows = []
-    for name, values, printed in zip(names, computed, published, strict=True):
-        known = {key: math.nan if values[key] is None else values[key] for key in columns}
-        rows.append([name, *(formatted(known[key], spec) for key, (_, spec) in columns.items())])
-        rows.append([doc.Marked("*published*"), *printed])
-    return doc.Table(["", *(title for title, _ in columns.values())], rows)
-
-
-def _felt(beyond: Sequence[Json]) -> doc.Table:
-    rows = [
-        [
-            *_label(entry),
-            METRICS["felt_share"].text(entry["felt"]["share"]),
-            *(f"{value:.2f}" for value in entry["felt"]["largest"]),
-        ]
-        for entry in beyond
+def _beyond(summary: Json) -> list[Block]:
+    """Make the part on more controllers, on what a pilot feels, and on predictions of that."""
+    runs, numbers, reported = summary["beyond"], _numbers(summary), _reported(summary)
+    shares = [{**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
+              for e in runs]  # fmt: skip
+    torques = (_POSITION, "rms_torque_share", "peak_torque_share")
+    controllers = "The paper's controllers and more on the coupled plant, model known exactly."
+    needs = [[*label_cells(e), str(e["blocks"]), ", ".join(e["needs"])] for e in runs]
+    return [
+        prose("beyond", TEXTS, **numbers),
+        Picture("controllers.png", controllers),
+        "Errors of each joint's speed, joint side.",
+        runs_table(["controller"], map(label_cells, runs), runs, _SPEEDS),
+        "Largest position error, and torques as shares of the motor's largest.",
+        runs_table(["controller"], map(label_cells, runs), shares, torques),
+        Marked("### Does the pilot notice that CTC is missing?"),
+        prose("felt", TEXTS, **numbers),
+        felt_table(runs),
+        Marked("### Can what a pilot feels be predicted?"),
+        said("{} {}", verdict_of_all(reported), CAUTION),
+        reported_table(reported),
+        bullets(reported_notes(reported)),
+        LEGEND,
+        "The cost of each controller: the number of Drake systems in its loop, and the data that "
+        "it needs.",
+        Table(["controller", "blocks", "needs to know"], needs),
     ]
-    header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
-    return doc.Table(header, rows)

@@ -1,7 +1,6 @@
-"""Reports: templates rendered to Markdown, and Markdown rendered to offline pages.
+"""Reports: sections, rendered once to Markdown and once to an offline page.
 
-Every printed value passes `escaped`, except `Marked` texts, which this package writes. Pages show
-HTML in Markdown as text, except the tags of `_OWN_TAG`; no escaped text contains one.
+Pages show HTML in texts as text, whatever they contain.
 """
 
 from __future__ import annotations
@@ -9,188 +8,129 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from itertools import pairwise
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote
+from urllib.parse import quote
 from xml.etree import ElementTree
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, write_text
-from sdt_drake.io.markdown import escaped
 from sdt_drake.io.shown import formatted
+from sdt_drake.show.sections import (
+    TEMPLATES,
+    Block,
+    Box,
+    Marked,
+    Page,
+    Picture,
+    Section,
+    Table,
+    joined,
+    marked,
+)
 
 if TYPE_CHECKING:  # only commands that write a report need these
     from jinja2 import Environment
     from markdown_it import MarkdownIt
-    from markdown_it.token import Token
+    from matplotlib.figure import Figure
 
     from sdt_drake.show.panels import Plots
 
 REPORT, MARKDOWN = "report.html", "report.md"
-TEMPLATES = Path(__file__).with_name("templates")
 
 _MAX_FILE_BYTES = 100_000_000
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table of texts; the first cell of a row is its name.
-
-    >>> table = Table(["joint", "mass [kg]"], [["1", "2.5"], ["2", "–"]])
-    >>> table.is_numeric()
-    [True, True]
-    """
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    """Cells, as many in each row as in the header."""
-    title: str = ""
-
-    def is_numeric(self) -> list[bool]:
-        """Check for each column if all cells are numbers or dashes."""
-        columns = zip(*self.rows, strict=True) if self.rows else ([] for _ in self.header)
-        return [all(map(_NUMBER.fullmatch, cells)) for cells in columns]
-
-
-_NUMBER = re.compile(r"[-+−–±∞\d., e%]*")
-
-
-def spread(
-    header: Sequence[str], rows: Sequence[Sequence[str | Sequence[str]]], title: str = ""
-) -> Table:
-    """Make a table whose cells hold one text, or a text per joint, which get a column each.
-
-    >>> spread(["run", "error [rad/s]"], [["pi", ["0.1", "0.2"]]]).header
-    ['run', 'error [rad/s], joint 1', '2']
-    """
-    counts = [0 if isinstance(cell, str) else len(cell) for cell in rows[0]]
-    names = [
-        name
-        for text, count in zip(header, counts, strict=True)
-        for name in [f"{text}, joint 1" if count else text, *map(str, range(2, count + 1))]
-    ]
-    cells = [
-        [x for cell in row for x in ([cell] if isinstance(cell, str) else cell)] for row in rows
-    ]
-    return Table(names, cells, title)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Report:
-    """A rendered report."""
+    """A report: title, answer and sections."""
 
-    markdown: str
-    folder: Path
-    """The folder with the pictures of the report."""
-    attached: Mapping[str, Plots | str] = field(default_factory=dict)
-    """Plots, and texts of HTML pages, by file name. Markdown links to a picture of the plots."""
-    symbols: bool = False
+    title: str
+    lead: Sequence[Block]
+    """The answer, above all sections."""
+    sections: Sequence[Section]
+    symbols: bool = field(default=False, kw_only=True)
     """Set K_PS and tau_LD as in equations. Off where users' names may have this form."""
 
-    def page(self) -> str:
-        """Render a page that needs no other file and no network.
+    def markdown(self) -> str:
+        """Return the report as Markdown."""
+        parts = [f"# {marked(self.title)}", *map(_markdown, self.lead)]
+        for section in self.sections:
+            parts += [f"## {marked(section.title)}", *map(_markdown, section.blocks)]
+        return "\n\n".join(parts) + "\n"
+
+    def page(self, folder: Path) -> str:
+        """Return a page that needs no other file and no network.
+
+        Args:
+            folder: the folder of the pictures of `write_parts`.
 
         Raises:
             InputError: if a picture is missing or is not SVG.
         """
-        return _Page(self).html()
+        return _Page(folder, self.symbols).html(self)
 
-    def write(self) -> Path:
-        """Write report.md and the page into the folder, and return the path of the page.
+    def write_parts(self, folder: Path) -> None:
+        """Write the pictures and pages that Markdown shows into a folder."""
+        for block in _within([*self.lead, *(x for s in self.sections for x in s.blocks)]):
+            if isinstance(block, Page) and block.text is not None:
+                write_text(folder / block.name, block.text)
+            elif isinstance(block, Picture) and block.content is not None:
+                _save(block.content, folder / block.name)
+
+    def write(self, folder: Path) -> Path:
+        """Write report.md, the page and all parts into a folder, and return the page's path.
 
         Raises:
             InputError: as for `page`, or if a file cannot be written.
         """
-        page = self.page()
-        write_text(self.folder / MARKDOWN, self.markdown)
-        return write_text(self.folder / REPORT, page)
+        self.write_parts(folder)
+        page = self.page(folder)
+        write_text(folder / MARKDOWN, self.markdown())
+        return write_text(folder / REPORT, page)
 
 
-# --- templates -------------------------------------------------------------------------------
+def _within(blocks: Iterable[Block]) -> Iterator[Block]:
+    """List blocks, with those within boxes."""
+    for block in blocks:
+        yield block
+        if isinstance(block, Box):
+            yield from _within(block.blocks)
 
 
-class Marked(str):
-    """Markdown or HTML written by this package, which is not escaped."""
+def _save(content: Figure | Plots, path: Path) -> None:
+    from sdt_drake.show.panels import Plots
+    from sdt_drake.show.style import save_both
 
-    def __html__(self) -> str:
-        return self
-
-
-def render(template: str, **values: object) -> str:
-    """Render a Markdown template."""
-    return _environment(_printed).get_template(template).render(values) + "\n"
+    if isinstance(content, Plots):
+        content.save_picture(path)
+    else:
+        save_both(content, path)
 
 
-def bullets(template: str, **values: object) -> list[str]:
-    """Render a Markdown template that is a list, and return its items."""
-    return [Marked(line[2:]) for line in render(template, **values).splitlines() if line]
-
-
-def plain(text: str) -> str:
-    """Return a line of Markdown as plain text."""
-    return re.sub(r"\*\*|`|\\(?=[^\w\s])", "", text)
-
-
-def capital(text: str) -> str:
-    """Return a text with a capital first letter; the others stay, unlike with `str.capitalize`."""
-    return text[:1].upper() + text[1:]
-
-
-def render_html(template: str, **values: object) -> str:
-    """Render an HTML template."""
-    return _environment(None).get_template(template).render(values)
-
-
-def _printed(value: object) -> object:
-    return value if hasattr(value, "__html__") else Marked(escaped(value))
-
-
-def code(value: object) -> Marked:
-    """Return a text as inline code, or escaped where Markdown cannot show it as code."""
-    text = str(value)
-    return Marked(f"`{text}`" if re.fullmatch(r"[^`|\r\n]+", text) else escaped(text))
-
-
-def _fenced(value: object) -> Marked:
-    """Return a text as a fenced code block."""
-    fence = max(["```", *(f"{run}`" for run in re.findall("`{3,}", str(value)))], key=len)
-    return Marked(f"{fence}\n{value}\n{fence}")
-
-
-def _summary(value: object) -> Marked:
-    """Return a text as the HTML summary of a section that unfolds."""
-    return Marked(html.escape(" ".join(str(value).split())))
-
-
-@cache
-def _environment(finalize: Callable[[object], object] | None) -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        autoescape=True,
-        finalize=finalize,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"f": formatted, "code": code, "fenced": _fenced, "summary": _summary}
-    environment.filters["capital"] = capital
-    environment.globals["text"] = lambda name: Marked((TEMPLATES / name).read_text("utf-8"))
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
-    return environment
+def _markdown(block: Block) -> str:
+    match block:
+        case Table(header, rows, title):
+            rule = Marked(" | ".join("---:" if x else "---" for x in block.is_numeric()))
+            cells = [joined(header, " | "), rule, *(joined(row, " | ") for row in rows)]
+            lines = "\n".join(f"| {row} |" for row in cells)
+            return f"### {marked(title)}\n\n{lines}" if title else lines
+        case Picture(name, caption):
+            return f"![{marked(caption)}]({quote(name)})"
+        case Page(name, button):
+            return f"[{marked(button)}]({quote(name)})"
+        case Box(tag, blocks, attributes, head):
+            inner = map(_markdown, blocks)
+            return "\n\n".join([f"<{tag}{attributes}>{head}", *inner, f"</{tag}>"])
+        case _:
+            return marked(block)
 
 
 # --- pages -----------------------------------------------------------------------------------
 
-_OWN_TAG = re.compile(
-    r"<details><summary>[^<>]*</summary>|</details>"
-    r'|</?(?:div|article)(?: (?:class|data-verdict)="[a-z ]*")*>'
-)
 _GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
 _SYMBOL = re.compile(
     r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"
@@ -198,83 +138,94 @@ _SYMBOL = re.compile(
 )
 
 
-class _Page:
-    """A renderer of one page."""
+_TAG = re.compile(r"<[^<>]*>")
 
-    def __init__(self, report: Report) -> None:
+
+class _Html(str):
+    """HTML, which templates do not escape."""
+
+    def __html__(self) -> str:
+        return self
+
+
+@dataclass(frozen=True)
+class _Page:
+    """The HTML of blocks; pictures are files of the folder."""
+
+    folder: Path
+    symbols: bool
+
+    @cached_property
+    def parser(self) -> MarkdownIt:
         from markdown_it import MarkdownIt
 
-        self.report = report
-        self.parser: MarkdownIt = MarkdownIt("commonmark", {"html": False}).enable("table")
-        for name, rule in {
-            "table_open": lambda *_: '<div class="scroll" tabindex="0"><table>',
-            "table_close": lambda *_: "</table></div>",
-            "text": lambda _, tokens, i, *__: self._text(tokens[i].content),
-        }.items():
-            self.parser.add_render_rule(name, rule)
+        parser = MarkdownIt("commonmark", {"html": False})
+        parser.add_render_rule("text", lambda _, tokens, i, *__: self._text(tokens[i].content))
+        return parser
 
-    def html(self) -> str:
-        tokens = self.parser.parse(self.report.markdown)
-        for i, (before, token) in enumerate(pairwise(tokens), start=1):
-            if before.type == "paragraph_open" and (block := self._block(token)):
-                before.hidden = tokens[i + 1].hidden = True
-                token.type, token.content = "html_block", block
-            if before.type == "tr_open" and token.type == "td_open":
-                token.tag, token.attrs["scope"] = "th", "row"
-                tokens[i + 2].tag = "th"  # the closing tag
-        chapters = [i for i, x in enumerate(tokens) if (x.type, x.tag) == ("heading_open", "h2")]
-        head, *sections = (
-            self._html(tokens[i:k]) for i, k in pairwise([0, *chapters, len(tokens)])
-        )
+    def html(self, report: Report) -> str:
+        names = [self.inline(section.title) for section in report.sections]
+        links = [f'<a href="#section-{i}">{name}</a>' for i, name in enumerate(names, 1)]
+        sections = [
+            f'<section id="section-{i}"><h2>{name}</h2>\n{self.blocks(section.blocks)}</section>'
+            for i, (name, section) in enumerate(zip(names, report.sections, strict=True), 1)
+        ]
+        title, main = self.inline(report.title), "\n".join(sections)
         return render_html(
             "page.html.j2",
-            title=_words(tokens[1]),
-            head=head,
-            titles=[self._html([tokens[i + 1]]) for i in chapters],
-            sections=sections,
-            has_plots=any(not isinstance(file, str) for file in self.report.attached.values()),
+            title=_Html(_TAG.sub("", title)),
+            head=_Html(f"<h1>{title}</h1>\n{self.blocks(report.lead)}"),
+            nav=_Html("\n".join(links)),
+            main=_Html(main),
+            has_plots='<div class="plots">' in main,
         )
 
-    def _html(self, tokens: Sequence[Token]) -> Marked:
-        return Marked(self.parser.renderer.render(tokens, self.parser.options, {}))
+    def blocks(self, blocks: Iterable[Block]) -> str:
+        return "".join(map(self.block, blocks))
 
-    def _block(self, token: Token) -> str:
-        """Return the HTML of a paragraph that is a single own tag, picture or page; else ""."""
-        if _OWN_TAG.fullmatch(token.content):
-            return token.content
-        match [(child.type, child) for child in token.children or []]:
-            case [("image", image)]:
-                return self._figure(image, str(image.attrs["src"]))
-            case [("link_open", link), ("text", words), ("link_close", _)]:
-                text = self._page_text(unquote(str(link.attrs["href"])))
-                return _part("embedded", button=words.content, text=text)
-        return ""
+    def block(self, block: Block) -> str:
+        match block:
+            case Table():
+                return self._table(block)
+            case Picture(name, caption, content):
+                caption = self.inline(caption)
+                if data := getattr(content, "data", None):
+                    return _part("plots", caption=_Html(caption), data=data())
+                svg = read_svg((self.folder / name).with_suffix(".svg"))
+                drawn, alt = base64.b64encode(svg.encode()).decode(), _Html(_TAG.sub("", caption))
+                return _part("figure", caption=_Html(caption), alt=alt, data=drawn)
+            case Page(name, button, text):
+                text = read_text(self.folder / name, _MAX_FILE_BYTES) if text is None else text
+                return _part("embedded", button=_Html(self.inline(button)), text=text)
+            case Box(tag, blocks, attributes, head):
+                return f"<{tag}{attributes}>{head}\n{self.blocks(blocks)}</{tag}>\n"
+            case _:
+                return self.parser.render(marked(block))
 
-    def _figure(self, image: Token, name: str) -> str:
-        name, caption = unquote(name), self._html(image.children or [])
-        plots = self.report.attached.get(name)
-        if plots is not None and not isinstance(plots, str):
-            return _part("plots", caption=caption, data=plots.data())
-        svg = read_svg((self.report.folder / name).with_suffix(".svg"))
-        data = base64.b64encode(svg.encode()).decode()
-        return _part("figure", caption=caption, alt=_words(image), data=data)
+    def inline(self, text: str) -> str:
+        return self.parser.renderInline(marked(text))
 
-    def _page_text(self, name: str) -> object:
-        text = self.report.attached.get(name)
-        return read_text(self.report.folder / name, _MAX_FILE_BYTES) if text is None else text
+    def _table(self, table: Table) -> str:
+        styles = [' style="text-align:right"' if right else "" for right in table.is_numeric()]
+        head = [
+            f"<th{look}>{self.inline(x)}</th>" for x, look in zip(table.header, styles, strict=True)
+        ]
+        lines = ["<thead>", *_row(head), "</thead>", "<tbody>"]
+        for row in table.rows:
+            name, *cells = map(self.inline, row)
+            values = [f"<td{look}>{x}</td>" for x, look in zip(cells, styles[1:], strict=True)]
+            lines += _row([f'<th scope="row">{name}</th>', *values])
+        title = f"<h3>{self.inline(table.title)}</h3>\n" if table.title else ""
+        whole = "\n".join([*lines, "</tbody>"])
+        return f'{title}<div class="scroll" tabindex="0"><table>\n{whole}\n</table></div>\n'
 
     def _text(self, words: str) -> str:
         text = re.sub(r"\[.{,9}\]", lambda unit: unit[0].replace(" ", "\u00a0"), html.escape(words))
-        return _SYMBOL.sub(_symbol, text) if self.report.symbols else text
+        return _SYMBOL.sub(_symbol, text) if self.symbols else text
 
 
-def _words(token: Token) -> str:
-    """Return the text of a token without its markup."""
-    return "".join(child.content for child in token.children or [])
-
-
-def _part(name: str, **values: Any) -> str:
-    return str(getattr(_environment(None).get_template("parts.html.j2").module, name)(**values))
+def _row(cells: Sequence[str]) -> list[str]:
+    return ["<tr>", *cells, "</tr>"]
 
 
 def _symbol(match: re.Match[str]) -> str:
@@ -301,3 +252,36 @@ def read_svg(path: Path) -> str:
     if not is_svg:
         raise InputError(f"{path}: is not an SVG picture")
     return text
+
+
+# --- HTML templates --------------------------------------------------------------------------
+
+
+def render_html(template: str, **values: object) -> str:
+    """Render an HTML template."""
+    return _environment().get_template(template).render(values)
+
+
+def _part(name: str, **values: Any) -> str:
+    return str(getattr(_environment().get_template("parts.html.j2").module, name)(**values))
+
+
+def _own(name: str) -> str:
+    return (TEMPLATES / name).read_text("utf-8")
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["f"] = formatted
+    environment.globals["text"] = lambda name: _Html(_own(name))
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    return environment

@@ -25,7 +25,7 @@ from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import RECORDED_COLUMNS, Recording
-from sdt_drake.show.documents import TEMPLATES, render
+from sdt_drake.show.sections import TEMPLATES, code, marked
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study
 
@@ -78,7 +78,15 @@ class Chapter:
 
     def markdown(self, anchor: Callable[[str, str], str] | None = None) -> str:
         """Return the chapter as a section of a page; `anchor` names the place of each field."""
-        return render("reference.md.j2", chapter=self, anchor=anchor).strip()
+        parts = [f"## {marked(self.title)}"]
+        for sheet in self.sheets:
+            rows = []
+            for row in sheet.rows:
+                place = f'<a id="{anchor(sheet.title, row[0])}"></a>' if anchor else ""
+                rows.append(f"- {place}{code(row[0])}: {sheet.details(row)}<br>\n  {row[-1]}")
+            parts += [f"### {code(sheet.title)}"] * bool(sheet.title)
+            parts += [sheet.text, "\n".join(rows)]
+        return "\n\n".join(parts)
 
 
 def anchor(title: str, field: str) -> str:

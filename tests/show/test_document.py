@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from sdt_drake.io.files import write_text
 from sdt_drake.paper.claims import VERDICTS
 from sdt_drake.paper.report import write_report
-from sdt_drake.show import documents as doc
+from sdt_drake.show import sections as doc
+from sdt_drake.show.documents import Report
 from sdt_drake.show.panels import Panel, Plots
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
@@ -36,11 +37,6 @@ class Tags(HTMLParser):
         self.text += data
 
 
-def rendered(template, **values):
-    """As a report's own template is."""
-    return doc._environment(doc._printed).from_string(template).render(values)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Two pictures, one a block diagram that has no PNG, and a page; do not change it."""
@@ -51,41 +47,23 @@ def folder(tmp_path_factory):
     return folder
 
 
-def page_of(folder, template, **values):
-    return doc.Report(rendered(template, **values), folder).page()
-
-
-BLOCKS = """{% from "blocks.md.j2" import details, table, tiles %}
-# Title
-
-lead
-
-## Main
-
-One **bold**, *slanted*, `c_o*d*e` of K_IS
-
-{{ tiles([(3, "good ones", "good")]) }}
-
-{{ table(words) }}
-
-{{ table(numbers) }}
-
-![A picture](a.svg)
-
-![Another](b.png)
-
-{% call details("More & more") %}
-inside
-{% endcall +%}
-
-[Load it](device.html)
-"""
 WORDS = doc.Table(["", "a|b"], [["row", "1 | 2"]], "Of words")
 NUMBERS = doc.spread(["name", "A", "speed"], [["x", "–", ["1.5", "2.5"]]])
+BLOCKS = [
+    doc.said("One **bold**, *slanted*, {:code} of K_IS", "c_o*d*e"),
+    doc.tiles([(3, "good ones", "good")]),
+    WORDS,
+    NUMBERS,
+    doc.Picture("a.svg", "A picture"),
+    doc.Picture("b.png", "Another"),
+    doc.details("More & more", "inside"),
+    doc.Page("device.html", "Load it"),
+]
+REPORT = Report("Title", ["lead"], [doc.Section("Main", BLOCKS)])
 
 
 def test_markdown_of_the_blocks():
-    assert rendered(BLOCKS, words=WORDS, numbers=NUMBERS).split("\n\n") == [
+    assert REPORT.markdown().removesuffix("\n").split("\n\n") == [
         "# Title",
         "lead",
         "## Main",
@@ -108,14 +86,14 @@ def test_markdown_of_the_blocks():
 
 
 def test_page_of_the_blocks(folder):
-    page = page_of(folder, BLOCKS, words=WORDS, numbers=NUMBERS)
+    page = REPORT.page(folder)
     for part in (
         "<title>Title</title>",
         "<header><h1>Title</h1>\n<p>lead</p>\n<button",
         "<p>One <strong>bold</strong>, <em>slanted</em>, <code>c_o*d*e</code> of K_IS</p>",
         '<a href="#section-1">Main</a>\n</nav>',
         '<section id="section-1"><h2>Main</h2>',
-        '<div class="tiles"><div class="good">\n<p><strong>3</strong> good ones</p>\n</div></div>',
+        '<div class="tiles">\n<div class="good">\n<p><strong>3</strong> good ones</p>\n</div>',
         '<h3>Of words</h3>\n<div class="scroll" tabindex="0"><table>',
         '<th scope="row">row</th>\n<td>1 | 2</td>',
         '<th scope="row">x</th>\n<td style="text-align:right">–</td>',
@@ -126,39 +104,31 @@ def test_page_of_the_blocks(folder):
     ):
         assert part in page, part
     assert "<p></p>" not in page and "uPlot" not in page
-    two = page_of(folder, "# t\n\n## One\n\n## Two")
+    two = Report("t", [], [doc.Section("One", []), doc.Section("Two", [])]).page(folder)
     assert '<a href="#section-1">One</a>' in two and '<section id="section-2"><h2>Two</h2>' in two
 
 
 # --- what is not ours -------------------------------------------------------------------------
 
-# Wherever a report prints a name: of robots, joints, files, studies, inputs.
-PLACES = """{% from "blocks.md.j2" import details, table, tiles %}
-# {{ x }}
 
-{{ x }} first
+def places(x):
+    """A report with a text wherever reports have names: of robots, joints, files, inputs."""
+    blocks = [
+        x,
+        doc.said("last {}", x),
+        doc.said("**{}:** *{}* {}, {}.", x, x, x, x),
+        doc.bullets([x, doc.code(x), doc.said("{:code}", x)]),
+        doc.said("> {}", x),
+        doc.Table([x, "n"], [[x, x]], x),
+        doc.tiles([(1, x, "good")]),
+        doc.Picture("a.svg", x),
+        doc.Page("device.html", x),
+        doc.details(x, doc.fenced(x)),
+        doc.joined([x, x]),
+    ]
+    return Report(x, [x, doc.said("{} first", x)], [doc.Section(x, blocks)])
 
-## {{ x }}
 
-last {{ x }}
-
-**{{ x }}:** *{{ x }}* {{ x }}, {{ x }}.
-
-- {{ x }}
-- {{ x | code }}
-
-> {{ x }}
-
-{{ table(made) }}
-
-{{ tiles([(1, x, "good")]) }}
-
-![{{ x }}](a.svg)
-
-{% call details(x) %}
-{{ x | fenced }}
-{% endcall %}
-"""
 EVIL = [
     "a|b", "<script>alert(1)</script>", "[x](javascript:alert(1))", "![x](http://y.z/p.png)", "`",
     "```", "\n\n# x", "\r\n", "{{ 7 * 7 }}", "{% raw %}", "<https://x.y>", "[x]: http://y", "]",
@@ -170,8 +140,7 @@ EVIL = [
 
 def placed(text, folder):
     """Tags of a page, and its texts between them without spaces, with a text in all PLACES."""
-    made = doc.Table([text, "n"], [[text, text]], text)
-    read = Tags(page_of(folder, PLACES, x=text, made=made))
+    read = Tags(places(text).page(folder))
     return [tag for tag, _ in read.tags], "".join(read.text.split())
 
 
@@ -192,9 +161,9 @@ def test_what_is_not_ours_is_shown_as_it_is(folder, text):
 
 
 def test_html_of_data_is_off_on_pages_even_if_markdown_has_it(folder):
-    """The second barrier: a template that marked a text as ours by mistake."""
+    """The second barrier: a report that marked a text as ours by mistake."""
     text = '<b onload="x">a</b> <script>y</script>\n\n<iframe src="z">\n\n<div style="x">'
-    page = page_of(folder, "# t\n\n## s\n\n{{ x | safe }}", x=text)
+    page = Report("t", [], [doc.Section("s", [doc.Marked(text)])]).page(folder)
     tags = Tags(page).tags
     assert {"b", "iframe", "div"}.isdisjoint(tag for tag, _ in tags)
     assert page.count("</script>") == 1
@@ -202,8 +171,7 @@ def test_html_of_data_is_off_on_pages_even_if_markdown_has_it(folder):
 
 def test_data_of_plots_end_no_script(folder):
     plots = Plots([[Panel("</script><b>", "x", "y", np.zeros(1), [])]])
-    markdown = "# t\n\n## s\n\n![c](p.png)"
-    page = doc.Report(markdown, folder, {"p.png": plots}).page()
+    page = Report("t", [], [doc.Section("s", [doc.Picture("p.png", "c", plots)])]).page(folder)
     assert page.count("</script>") == 2 and "<b>" not in page and "uPlot" in page
 
 

@@ -14,7 +14,17 @@ from sdt_drake.machine.identify.model import identified_robot, plant_friction
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.pilot.illusions import feel
 from sdt_drake.robot.dynamics import Loads
-from sdt_drake.show.figures import fronts, identification, motions, pilot, runs, scope, studies
+from sdt_drake.show.figures import (
+    fly,
+    fronts,
+    identification,
+    learning,
+    motions,
+    pilot,
+    runs,
+    scope,
+    studies,
+)
 from sdt_drake.show.figures.replay import replay_figure
 from sdt_drake.show.panels import Plots, picture
 from sdt_drake.show.reports import fly as fly_report
@@ -62,8 +72,9 @@ def _percept(x):
 
 
 def _of_report(report):
-    """The plots that a report attaches, one below the other."""
-    plots = [file for file in report.attached.values() if isinstance(file, Plots)]
+    """The plots of a report, one below the other."""
+    blocks = [block for section in report.sections for block in section.blocks]
+    plots = [x.content for x in blocks if isinstance(getattr(x, "content", None), Plots)]
     panels = [panel for one in plots for column in one.columns for panel in column]
     return picture("of the report", [panels])
 
@@ -99,17 +110,15 @@ FIGURES = {
     "replay": lambda x: replay_figure(x.replay),
     "identified_torques": lambda x: identification.torques_figure(x.found),
     "friction": lambda x: identification.residuals_figure(x.found, plant_friction(x.found)),
-    "convergence": lambda x: learning_report.plot_checks(
+    "convergence": lambda x: learning.checks(
         "checks", x.learned[2], x.learned[1], x.robot.joint_names
     ),
-    "flights": lambda x: learning_report.plot_flights(
-        "flights", x.learned[3].flights, x.robot.joint_names
-    ),
-    "errors_of_flights": lambda x: learning_report.plot_errors(
+    "flights": lambda x: learning.flights("flights", x.learned[3].flights, x.robot.joint_names),
+    "errors_of_flights": lambda x: learning.errors(
         "errors", x.learned[0].wanted.time, x.learned[3].flights[:2], x.robot.joint_names
     ),
-    "fly_front": lambda x: fly_report.front_figure(x.flown),
-    "fly_page": lambda x: _of_report(fly_report.fly_report(x.flown, Path())),
+    "fly_front": lambda x: fly.front(x.flown),
+    "fly_page": lambda x: _of_report(fly_report.fly_report(x.flown)),
 }
 
 
@@ -158,7 +167,7 @@ def _written(write):
 def _run(name):
     def text(x, folder):
         design, run = getattr(x, name)
-        return run_report.run_report(design, run, folder / "x.md", range(4)).markdown
+        return run_report.run_report(design, run, folder / "x.md", range(4)).markdown()
 
     return text
 
@@ -175,9 +184,9 @@ def _identified(x, folder):
 REPORTS = {
     "report_of_a_run": _run("ran"),
     "report_of_a_calm_run": _run("calm"),
-    "report_of_a_study": lambda x, folder: (
-        study_report.make_study_report(x.table, folder)[0].markdown
-    ),
+    "report_of_a_study": lambda x, folder: study_report.make_study_report(x.table, folder)[
+        0
+    ].markdown(),
     "report_of_a_sizing": _written(
         lambda x, folder: sizing_report.write_sizing_report(
             SIZING, x.verdicts, folder, "2 of 16 runs failed"
@@ -188,7 +197,7 @@ REPORTS = {
     "report_of_a_learning": _written(
         lambda x, folder: learning_report.write_learning_report(folder, *x.learned)
     ),
-    "report_of_a_flight": lambda x, folder: fly_report.fly_report(x.flown, folder).markdown,
+    "report_of_a_flight": lambda x, folder: fly_report.fly_report(x.flown).markdown(),
 }
 
 

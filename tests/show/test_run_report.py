@@ -9,6 +9,7 @@ from command_line import RUN, SHORT
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import Report
 from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel, Plots
+from sdt_drake.show.sections import Picture, Section
 from sdt_drake.show.style import Look
 
 WAIT = 60_000  # ms at most, on a busy machine
@@ -112,8 +113,8 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
 def test_grey_ground_is_drawn_where_it_is_marked(open_page, tmp_path):
     time = np.linspace(0, 1, 101)
     panel = Panel("", "x", "y", time, [Line("a", Look("k"), 0 * time)], time < 0.4, "grey")
-    markdown, path = "# t\n\n## s\n\n![c](p.png)", tmp_path / "a.html"
-    text = Report(markdown, tmp_path, {"p.png": Plots([[panel]])}).page()
+    path = tmp_path / "a.html"
+    text = Report("t", [], [Section("s", [Picture("p.png", "c", Plots([[panel]]))])]).page(tmp_path)
     path.write_text(text, encoding="utf-8")
     with open_page(path) as (page, errors, _):
         fits(page)

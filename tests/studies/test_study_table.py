@@ -8,7 +8,7 @@ import pytest
 from synthetic import small_table, table_of
 
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
-from sdt_drake.show.documents import render
+from sdt_drake.show.documents import Report
 from sdt_drake.show.reports import study as report
 from sdt_drake.studies.summary import (
     explained_share,
@@ -126,8 +126,9 @@ def test_equal_runs_of_a_draw_count_once(generator):
 
 
 def test_a_chapter_has_what_matters_most(copied, undrawn):
-    chapter = report.study_chapter(copied)
-    text = render("study_chapter.md.j2", study=chapter)
+    made = Report("many", [], [report.study_chapter(copied)])
+    made.write_parts(copied.parent)
+    text = made.markdown().removeprefix("# many\n\n")
     assert text.startswith("## Study many\n") and text.count("\n| --- |") == 1
     for name in re.findall(r"\]\((.*)\.png\)", text):  # as seen from the folder above
         assert (copied.parent / f"{name}.svg").is_file()

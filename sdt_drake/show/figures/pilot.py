@@ -132,6 +132,24 @@ def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Pane
     )
 
 
+def felt_panels(time: Array, head: HeadTracking) -> list[tuple[str, str, list[Panel]]]:
+    """Make the panels of each axis of the head, with the errors over the threshold.
+
+    The names of its rotation and of its force come first.
+    """
+    just = Line("threshold: just felt", Look("0.2"), np.ones_like(time))
+    felt, shown = head.felt.multiples, []
+    for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
+        lines = [
+            Line(f"error of {turn}", Look(PALETTE[3]), felt[:, axis]),
+            Line(f"error of {push} force", Look(PALETTE[5]), felt[:, 3 + axis]),
+            just,
+        ]
+        error = Panel("", "time [s]", "error / threshold", time, lines)
+        shown.append((turn, push, [*head_panels(time, head, axis), error]))
+    return shown
+
+
 def _attitude(time: Array, head: HeadMotion) -> Panel:
     """Make the panel of true and felt roll and pitch, by the first parameter set of `perceive`."""
     felt = perceive(time, head.specific_force, head.angular_velocity)

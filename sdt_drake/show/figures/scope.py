@@ -76,13 +76,15 @@ def joint_columns(
     return list(map(list, zip(*rows, strict=True)))
 
 
-def position_panels(recording: Recording) -> list[Panel]:
-    """Make a panel of reference and achieved angle over time for each joint."""
+def joint_panels(recording: Recording, design: Design) -> list[list[Panel]]:
+    """Make the panels of a page: angle, speed, errors and torque, a column for each joint."""
     lines = [
         ("reference", LOOKS["reference"], np.degrees(recording.q_ref)),
         ("achieved", ACHIEVED, np.degrees(recording.q)),
     ]
-    return over_time("position [deg]", recording.time, lines)
+    positions = over_time("position [deg]", recording.time, lines)
+    others = joint_columns(recording, design)
+    return [[first, *more] for first, more in zip(positions, others, strict=True)]
 
 
 SATURATED = "saturated: less torque than commanded"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -21,10 +21,21 @@ from sdt_drake.motion import margins
 from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.pilot.thresholds import CHANNELS
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report, Table, render
-from sdt_drake.show.panels import Line, Panel, Plots
-from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, pictures, save_both, style
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.figures import fly as figures
+from sdt_drake.show.panels import Plots
+from sdt_drake.show.sections import (
+    Block,
+    Marked,
+    Page,
+    Picture,
+    Section,
+    Table,
+    bullets,
+    prose,
+    said,
+)
+from sdt_drake.show.style import pictures
 from sdt_drake.show.view3d.viewer import recorded_page
 
 MOTION, SUMMARY = "motion.csv", "summary.json"
@@ -32,7 +43,6 @@ _PLOTS, _RECORDING = ("force.png", "attitude.png", "rotation.png"), "3d.html"
 FILES = (MOTION, SUMMARY, *pictures("front"), *_PLOTS, _RECORDING, MARKDOWN, REPORT)
 """Names of all files in the folder."""
 
-_DEVICE = Look(PALETTE[5])
 _MIN_COST = 0.1  # share of an error; a smaller one is not attributed to the torque limits
 
 
@@ -46,54 +56,123 @@ def write_flown(folder: Path, flown: CueingResult) -> Path:
         flown.motion.to_csv(new / MOTION)
         text = json.dumps(in_json(flown.numbers), indent=1, ensure_ascii=False, allow_nan=False)
         (new / SUMMARY).write_text(text + "\n", encoding="utf-8")
-        save_both(front_figure(flown), new / "front")
-        report = fly_report(flown, new)
-        report.write()
-        for name, file in report.attached.items():
-            if isinstance(file, Plots):
-                file.save_picture(new / name)
-            else:
-                (new / name).write_text(file, encoding="utf-8")
+        fly_report(flown).write(new)
     return folder / REPORT
 
 
-def fly_report(flown: CueingResult, folder: Path) -> Report:
-    """Make the report of a flight for a folder."""
-    flight, best = flown.chosen.flight, flown.chosen
-    panels = _force_panels(best), _attitude_panels(flown), _rotation_panels(best)
-    attached: dict[str, Plots | str] = {
-        name: Plots([column]) for name, column in zip(_PLOTS, panels, strict=True) if column
-    }
-    not_shown = ""
-    try:
-        attached[_RECORDING] = recorded_page(
-            best.robot, best.motion.time, best.motion.q, title=flight.name
-        )
-    except InputError as error:
-        not_shown = str(error)
-    figures = [one.figures(flown.felt) for one in flown.candidates]
+def fly_report(flown: CueingResult) -> Report:
+    """Make the report of a flight."""
+    best, flight = flown.chosen, flown.chosen.flight
+    own: dict[str, Any] = best.figures(flown.felt)
+    answer = said(
+        "**The device misses the flight's force by {g_error_rms:.3f} G and its felt rotation by "
+        "{felt_rotation_rms_deg_s:.1f} deg/s (RMS), with at most {torque_share_max:.1%} of the "
+        "motors' torque.**",
+        **own,
+    )
+    following = Marked(
+        "Next: look at the motion in 3D below, then run it with your controller: "
+        "`motion: motion.csv` in a scenario, and `sdt-drake simulate`."
+    )
+    in_short: list[Block] = [
+        bullets(_in_short(flown)),
+        Table(*flown.summary()[1:3]),
+        Picture(
+            "front.png",
+            "Felt rotation error over G error: the chosen motion, others by the weight of G, and "
+            "the baselines.",
+            figures.front(flown),
+        ),
+    ]
+    plots = {
+        "force.png": ("Specific force at the head, in flight and on the device.",
+                      figures.force_panels(best)),
+        "attitude.png": ("Felt attitude in flight and on the device, and the attitude of the "
+                         "aircraft.", figures.attitude_panels(flown)),
+        "rotation.png": ("Rotation of the head, and its felt error.",
+                         figures.rotation_panels(best)),
+    }  # fmt: skip
+    sections = [
+        Section("In short", in_short),
+        Section(
+            "Flight and device",
+            [Picture(x, words, Plots([panels])) for x, (words, panels) in plots.items() if panels],
+        ),
+        Section("In 3D", _in_3d(best)),
+        Section("Used limits", [_limits(best)]),
+        Section("Starts", [prose("fly_starts", max_steps=MAX_STEPS), _starts(flown)]),
+        Section("How to read it", [prose("fly", caution=CAUTION, **cast(Any, flown.numbers))]),
+    ]
+    return Report(f"{flight.name} on {best.robot.name}", [answer, following], sections)
+
+
+def _in_short(flown: CueingResult) -> Iterator[Marked]:
+    """Return the results of a flight, one by one."""
+    flight, numbers = flown.chosen.flight, cast(Any, flown.numbers)
+    own, alignment, *others = (one.figures(flown.felt) for one in flown.candidates)
     rate = flight.angular_rate - low_pass_at(flight.time, flight.angular_rate)
     size = np.linalg.norm(flight.specific_force, axis=1) / GRAVITY
-    text = render(
-        "fly.md.j2",
-        flight=flight,
-        robot=best.robot,
-        numbers=flown.numbers,
-        g=(float(size.min()), float(size.max())),
-        flown_rotation=float(np.degrees(np.sqrt((rate**2).mean(axis=0).sum()))),
-        own=figures[0],
-        alignment=figures[1],
-        unlimited=figures[3] if flown.unlimited else None,
-        motors=bool(flown.unlimited) and _costs(figures[0], figures[3]),
-        compared=Table(*flown.summary()[1:3]),
-        starts=_starts(flown),
-        max_steps=MAX_STEPS,
-        limits=_limits(best),
-        attached=attached,
-        not_shown=not_shown,
-        caution=CAUTION,
+    both = {"own": own, "to": alignment}
+    yield said(
+        "**G:** the flight has {:.2f} to {:.2f} G. The error of the device is "
+        "{own[g_error_rms]:.3f} G RMS; that of alignment is {to[g_error_rms]:.3f} G.",
+        size.min(), size.max(), **both,
+    )  # fmt: skip
+    yield said(
+        "**Rotation:** the canals sense {:.1f} deg/s RMS in flight. The felt error of the device "
+        "is {own[felt_rotation_rms_deg_s]:.1f} deg/s; that of alignment is "
+        "{to[felt_rotation_rms_deg_s]:.1f} deg/s.",
+        np.degrees(np.sqrt((rate**2).mean(axis=0).sum())), **both,
+    )  # fmt: skip
+    yield said(
+        "**Rotation without the approach:** if the canals' high pass started at zero with the "
+        "flight, the error would be {own[felt_rotation_from_zero_rms_deg_s]:.1f} deg/s, that of "
+        "alignment {to[felt_rotation_from_zero_rms_deg_s]:.1f} deg/s. The approach accelerates the "
+        "arm; its rotation fades from the canals before the flight.",
+        **both,
     )
-    return Report(text, folder, attached)
+    yield said(
+        "**Horizontal force:** the error is above the threshold "
+        "{own[horizontal_force_felt_share]:.0%} of the time; that of alignment "
+        "{to[horizontal_force_felt_share]:.0%}.",
+        **both,
+    )
+    felt, aligned = (x["felt_vertical_rms_deg"] for x in (own, alignment))
+    if felt is None:
+        yield Marked(
+            "**Felt vertical:** unknown; the model of the pilot does not cover weightlessness."
+        )
+    else:
+        beside = "" if aligned is None else said("; with alignment {:.1f} deg", aligned)
+        yield said("**Felt vertical:** {:.1f} deg RMS from that in flight{}.", felt, beside)
+    if flown.unlimited:
+        free = others[1]
+        yield said(
+            "**Cause:** without torque limits the errors would be {g_error_rms:.3f} G and "
+            "{felt_rotation_rms_deg_s:.1f} deg/s: {why}.",
+            why="the difference is due to the motors" if _costs(own, free)
+            else "the motors hardly matter; kinematics and speeds do",
+            **free,
+        )  # fmt: skip
+    yield said(
+        "**Motors:** at most {:.1%} of their torque; {:g} % were allowed.",
+        own["torque_share_max"], 100 * numbers["torque_share_allowed"],
+    )  # fmt: skip
+    yield said(
+        "**Time:** {:g} s of flight, from {:g} s of the motion on.",
+        flight.duration, numbers["flight_starts_at"],
+    )  # fmt: skip
+    if numbers["interrupted"]:
+        yield Marked("**Interrupted:** this is the best motion found before the interruption.")
+
+
+def _in_3d(best: Candidate) -> list[Block]:
+    try:
+        page = recorded_page(best.robot, best.motion.time, best.motion.q, title=best.flight.name)
+    except InputError as error:
+        return [said("There is no 3D recording: {}.", error)]
+    words = "The whole motion, from rest to rest; the aircraft's attitude is in the plots above."
+    return [words, Page(_RECORDING, "Play", page)]
 
 
 def _costs(own: dict[str, float | None], free: dict[str, float | None]) -> bool:
@@ -139,85 +218,3 @@ def _limits(candidate: Candidate) -> Table:
             for k, name in enumerate(numbered(candidate.robot.joint_names))
         ],
     )
-
-
-# --- figures -------------------------------------------------------------------------------------
-
-
-def _beside(label: str, x: Array, flown: Array, device: Array, title: str = "") -> Panel:
-    lines = [Line("flight", LOOKS["reference"], flown), Line("device", _DEVICE, device)]
-    return Panel(title, "time [s]", label, x, lines)
-
-
-def _force_panels(candidate: Candidate) -> list[Panel]:
-    """Make the panels of resultant G and of specific force along each axis of the head."""
-    flown, own = (
-        candidate.flight.at(candidate.time)[0] / GRAVITY,
-        candidate.head.specific_force / GRAVITY,
-    )
-    panels = [
-        _beside(
-            "G",
-            candidate.time,
-            np.linalg.norm(flown, axis=1),
-            np.linalg.norm(own, axis=1),
-            "resultant",
-        )
-    ]
-    for k, name in enumerate(CHANNELS[3:]):
-        panels.append(_beside("force [G]", candidate.time, flown[:, k], own[:, k], name))
-    return panels
-
-
-def _attitude_panels(flown: CueingResult) -> list[Panel]:
-    """Make the panels of felt roll and pitch, with the aircraft's attitude."""
-    panels = []
-    time, felt, own = flown.chosen.time, flown.felt, flown.chosen.percept
-    attitude = flown.chosen.flight.attitude
-    for k, name in enumerate(("roll", "pitch")):
-        lines = []
-        if felt is not None and own is not None:
-            in_flight = np.interp(time, felt.time, getattr(felt, name))
-            lines = [
-                Line("felt in flight", LOOKS["reference"], np.degrees(in_flight)),
-                Line("felt on the device", _DEVICE, np.degrees(getattr(own, name))),
-            ]
-        if attitude is not None:
-            true = np.interp(time, flown.chosen.flight.time, attitude[:, k])
-            lines.append(Line("of the aircraft", Look("0.6", "--"), np.degrees(true)))
-        if lines:
-            panels.append(Panel(name, "time [s]", "angle [deg]", time, lines))
-    return panels
-
-
-def _rotation_panels(candidate: Candidate) -> list[Panel]:
-    """Make the panels of the head's rate and its felt error, by axis."""
-    flown, own = candidate.flight.at(candidate.time)[1], candidate.head.angular_velocity
-    panels = []
-    for k, name in enumerate(CHANNELS[:3]):
-        felt = Line("felt error", Look(PALETTE[2]), np.degrees(candidate.felt_rate_error[:, k]))
-        both = np.degrees(flown[:, k]), np.degrees(own[:, k])
-        panel = _beside("rate [deg/s]", candidate.time, *both, name)
-        panels.append(replace(panel, lines=[*panel.lines, felt]))
-    return panels
-
-
-def front_figure(flown: CueingResult) -> Figure:
-    """Draw felt rotation error over G error, by weight, with the chosen motion and baselines."""
-
-    def place(candidate: Candidate) -> tuple[float, float]:
-        figures = candidate.figures(None)
-        return figures["g_error_rms"] or 0.0, figures["felt_rotation_rms_deg_s"] or 0.0
-
-    with style():
-        figure, ((ax,),) = grid(1, 1, panel=(7.2, 3.6), left=0.85)
-        ax.plot(*zip(*sorted(place(one) for _, one in flown.front), strict=True),
-                color="0.2", marker="o", markersize=4, label="by weight of G")  # fmt: skip
-        for one, look in zip(flown.candidates, (_DEVICE, *map(Look, PALETTE[1:4])), strict=False):
-            ax.plot(*place(one), color=look.colour, marker="s", linestyle="", label=one.name)
-        ax.set_xlabel("G error, RMS [G]")
-        ax.set_ylabel("felt rotation error, RMS [deg/s]")
-        ax.set_xlim(left=0)
-        ax.set_ylim(bottom=0)
-        finish(figure, "Less of one error costs more of the other")
-    return figure

@@ -21,9 +21,10 @@ from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.show import documents as doc
+from sdt_drake.show import sections as doc
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report
 from sdt_drake.show.figures.identification import residuals_figure, torques_figure
-from sdt_drake.show.style import pictures, save_both
+from sdt_drake.show.style import pictures
 
 _UNDECIDED = 0.5  # share of a variance that is due to the choice of the friction law
 _ROUND_OFF = 1e-12  # kg, kg m or kg m²
@@ -275,7 +276,7 @@ def in_short(found: Identified) -> list[str]:
 # --- files -----------------------------------------------------------------------------------
 
 
-_OWN_FILES = ("parameters.csv", *pictures("torques", "residuals"), doc.MARKDOWN, doc.REPORT)
+_OWN_FILES = ("parameters.csv", *pictures("torques", "residuals"), MARKDOWN, REPORT)
 FILES = (*identified_files.FILES, *_OWN_FILES)
 """Names of all files of an identification."""
 
@@ -302,7 +303,7 @@ def write_identified(
         notes = identified_files.write_files(found, robot, friction, scenario, new)
         write_csv(new / "parameters.csv", Parameter._fields, parameters(found, robot))
         write_identification_report(found, robot, friction, new, notes)
-    return folder / doc.REPORT, notes
+    return folder / REPORT, notes
 
 
 def write_identification_report(
@@ -321,23 +322,35 @@ def write_identification_report(
         folder: the folder.
         notes: further sentences, on other files of the folder.
     """
-    save_both(torques_figure(found), folder / "torques")
-    save_both(residuals_figure(found, files), folder / "residuals")
     base, links = _details(parameters(found, robot))
-    text = doc.render(
-        "identified.md.j2",
-        robot=found.nominal.name,
-        result=result(found),
-        in_short=[*in_short(found), *notes],
-        errors=errors_table(found, robot),
-        warnings=found.warnings,
-        friction=friction_table(found, files),
-        friction_notes=friction_notes(found, files),
-        links=links_table(found),
-        base_parameters=base,
-        link_parameters=links,
+    torques = doc.Picture(
+        "torques.png",
+        "Measured torques and those of the identified robot, joint side. Shaded data were held "
+        "out.",
+        torques_figure(found),
     )
-    return doc.Report(text, folder).write()
+    residuals = doc.Picture(
+        "residuals.png",
+        "Torque not explained, and friction torque, over the speed of each joint; joint side.",
+        residuals_figure(found, files),
+    )
+    answer = doc.bullets(doc.said("{}.", text) for text in result(found))
+    details = [
+        doc.details("Base parameters: the measured sums", base),
+        doc.details("Parameters of the links and motors, about the joints' frames", links),
+    ]
+    warnings = doc.bullets(map(str, found.warnings)) if found.warnings else "None."
+    notes_on_friction = doc.bullets(friction_notes(found, files))
+    sections = [
+        doc.Section("In short", [answer, errors_table(found, robot)]),
+        doc.Section("Warnings", [warnings]),
+        doc.Section("Data", [doc.bullets([*in_short(found), *notes])]),
+        doc.Section("Torques", [torques]),
+        doc.Section("Friction", [friction_table(found, files), notes_on_friction, residuals]),
+        doc.Section("Links", [links_table(found), *details]),
+        doc.Section("What the numbers mean", [doc.prose("identified")]),
+    ]
+    return Report(f"{found.nominal.name}, identified", [], sections).write(folder)
 
 
 def _details(found: Sequence[Parameter]) -> tuple[doc.Table, doc.Table]:

@@ -7,9 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.shown import formatted
 from sdt_drake.io.tables import write_table
@@ -17,20 +15,10 @@ from sdt_drake.machine.learn.filter import Convergence, LearningFilter
 from sdt_drake.machine.learn.flights import Flight, Lessons
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report, Table, render, spread
-from sdt_drake.show.panels import over_time, picture
-from sdt_drake.show.style import (
-    PALETTE,
-    Look,
-    finish,
-    grid,
-    joint_title,
-    nth_look,
-    pictures,
-    plain_numbers,
-    save_both,
-    style,
-)
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.figures import learning as figures
+from sdt_drake.show.sections import Block, Picture, Section, Table, capital, joined, said, spread
+from sdt_drake.show.style import pictures
 
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
 FILES = (LEARNED, SCENARIO, FLIGHTS)
@@ -138,25 +126,45 @@ def write_learning_report(
     names, first, best = design.robot.joint_names, lessons.flights[0], lessons.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
-    figures = {
-        "convergence": plot_checks(
-            f"{title}, share of the error after a flight", checks, filter_, names
-        ),
-        "flights": plot_flights(f"{title}, by flight", lessons.flights, names),
-        "errors": plot_errors(f"{title}, position errors", design.wanted.time, compared, names),
-    }
-    for name, figure in figures.items():
-        save_both(figure, folder / name)
     rows = [flight_numbers(flight) for flight in lessons.flights]
-    text = render(
-        "learned.md.j2",
-        title=title,
-        summary=learning_summary(lessons),
-        learned=filter_.of,
-        flights=spread(list(rows[0]), [list(row.values()) for row in rows]),
-        checks=check_table(checks, filter_),
-    )
-    return Report(text, folder).write()
+    answer, *more = map(capital, learning_summary(lessons))
+    flights: list[Block] = [
+        spread(list(rows[0]), [list(row.values()) for row in rows]),
+        Picture(
+            "flights.png",
+            "Errors, share of felt time, and torques by flight.",
+            figures.flights(f"{title}, by flight", lessons.flights, names),
+        ),
+        Picture(
+            "errors.png",
+            "Errors of the first and of the best flight.",
+            figures.errors(f"{title}, position errors", design.wanted.time, compared, names),
+        ),
+    ]
+    convergence: list[Block] = [
+        said(
+            "The share of an error that remains after a flight, predicted from linear models "
+            "before the first flight. Below 1, errors shrink from flight to flight. The learned "
+            "quantity is the {}.",
+            filter_.of,
+        ),
+        check_table(checks, filter_),
+        Picture(
+            "convergence.png",
+            "Below 1 an error shrinks; above the bandwidth (dotted) nothing changes.",
+            figures.checks(f"{title}, share of the error after a flight", checks, filter_, names),
+        ),
+    ]
+    lead = [
+        joined([said("**{}.**", answer), *(said("{}.", line) for line in more)], " "),
+        said(
+            "Next: run `sdt-drake simulate` or `sdt-drake export` with `scenario.yaml` of this "
+            "folder, which has the learned {}.",
+            filter_.of,
+        ),
+    ]
+    sections = [Section("Flights", flights), Section("Convergence", convergence)]
+    return Report(f"{title}: learned", lead, sections).write(folder)
 
 
 def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
@@ -172,94 +180,3 @@ def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
         columns["felt_share"] = felt
     number = np.array([float(flight.number) for flight in flights])
     write_table(path, number, columns, first="flight")
-
-
-# --- figures -------------------------------------------------------------------------------------
-
-
-def plot_checks(
-    title: str, checks: Sequence[Convergence], filter_: LearningFilter, joint_names: Sequence[str]
-) -> Figure:
-    """Draw the share of an error after a flight over frequency, a panel for each joint."""
-    hertz = filter_.omega / (2 * np.pi)
-    with style():
-        figure, _ = grid(
-            (len(joint_names) + 1) // 2, 2, panel=(3.95, 1.9), gaps=(0.75, 0.45), sharex=True
-        )
-        for k, name in enumerate(joint_names):
-            ax = figure.axes[k]
-            for i, one in enumerate(checks):
-                look = nth_look(i)
-                label = f"{one.loops.title}, this joint alone"
-                ax.loglog(hertz, one.share[:, k], look.dashes, color=look.colour, label=label)
-                if i == len(checks) - 1:
-                    label = f"{one.loops.title}, all joints together"
-                    ax.loglog(hertz, one.together, color="0.6", label=label, zorder=1)
-            ax.axhline(1.0, color=PALETTE[1], linewidth=0.9, label="as large as before")
-            cut, why = filter_.bandwidth[k]
-            ax.axvline(cut / (2 * np.pi), color="0.4", linestyle=":", linewidth=0.9)
-            ax.set_title(joint_title(k, name), loc="left", fontweight="bold")
-            ax.set_title(f"up to {cut / (2 * np.pi):.3g} Hz: {why}", loc="right", fontsize=7)
-            ax.set(ylim=(1e-4, 2), xlim=(hertz[0], hertz[-1]), ylabel="remaining error [-]")
-            plain_numbers(ax.xaxis)
-            plain_numbers(ax.yaxis)
-        for ax in figure.axes[len(joint_names) :]:
-            ax.set_visible(False)
-        for ax in figure.axes[max(0, len(joint_names) - 2) : len(joint_names)]:  # lowest panels
-            ax.set_xlabel("frequency [Hz]")
-            ax.tick_params(labelbottom=True)
-        return finish(figure, title)
-
-
-def plot_errors(
-    title: str, time: Array, flights: Sequence[Flight], joint_names: Sequence[str]
-) -> Figure:
-    """Draw position errors of flights over time, a panel for each joint."""
-    lines = [
-        (f"flight {flight.number}", Look(PALETTE[i]), np.degrees(flight.error))
-        for flight, i in zip(flights, (1, 0), strict=False)
-    ]
-    largest = np.degrees([flight.largest for flight in flights])
-    notes = [f"largest: {', '.join(f'{x:.3g}' for x in of_joint)} deg" for of_joint in largest.T]
-    return picture(
-        title, [over_time("position error [deg]", time, lines, joint_names, notes=notes)]
-    )
-
-
-def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[str]) -> Figure:
-    """Draw largest and RMS error, share of felt time, and peak torque over the flights."""
-    number = [flight.number for flight in flights]
-    panels = (
-        ("largest position error [deg]", np.degrees([flight.largest for flight in flights])),
-        ("RMS position error [deg]", np.degrees([flight.rms for flight in flights])),
-        ("error that can be felt [% of time]", 100 * np.array([[f.felt] for f in flights])),
-        ("peak torque [% of the motor]", 100 * np.array([flight.peak for flight in flights])),
-    )
-    with style():
-        figure, axes = grid(2, 2, panel=(3.95, 1.9), gaps=(0.75, 0.45))
-        for ax, (label, values) in zip(figure.axes, panels, strict=True):
-            one = values.shape[1] != len(joint_names)
-            for k in range(values.shape[1]):
-                look = nth_look(k)
-                ax.plot(
-                    number,
-                    values[:, k],
-                    look.dashes,
-                    color="black" if one else look.colour,
-                    marker=look.marker,
-                    markersize=4,
-                    label=None if one else joint_title(k, joint_names[k]),
-                )
-            if label.endswith("[deg]") and np.all(values > 0):
-                ax.set_yscale("log")
-                plain_numbers(ax.yaxis)
-            elif np.isnan(values).all():
-                ax.text(0.5, 0.5, "no head", transform=ax.transAxes, ha="center")
-                ax.set_yticks([])
-            else:
-                ax.set_ylim(0, None)
-            ax.set_title(label, loc="left")
-            ax.set_xticks(number)
-        for ax in axes[-1]:
-            ax.set_xlabel("flight")
-        return finish(figure, title)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sdt_drake.pilot.illusions import Intended
 from sdt_drake.pilot.reported import Judged
-from sdt_drake.show.documents import Table
+from sdt_drake.show.sections import Table
 
 
 def reported_table(rows: Sequence[Judged]) -> Table:

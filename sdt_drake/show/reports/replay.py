@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +21,13 @@ from sdt_drake.machine.replay import (
     QUANTITIES,
     Replay,
 )
-from sdt_drake.show import documents as doc
+from sdt_drake.show import sections as doc
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report
 from sdt_drake.show.figures.replay import replay_figure, replay_title
-from sdt_drake.show.style import pictures, save_both
+from sdt_drake.show.style import pictures
 
 FIGURE, TABLE = "replay", "replay.csv"
-FILES = (*pictures(FIGURE), TABLE, doc.MARKDOWN, doc.REPORT)
+FILES = (*pictures(FIGURE), TABLE, MARKDOWN, REPORT)
 """Names of all files of a replay."""
 
 _SHARE = Metric("explained", "%", 100, ".1f")
@@ -66,16 +67,42 @@ def replay_findings(replay: Replay) -> list[str]:
     """Return the result of a replay as sentences: first the answer, then causes and notes."""
     is_beside = np.abs(replay.start).max() > 1e-6
     recorded = replay.recorded
-    findings = doc.bullets(
-        "replay_findings.md.j2",
-        replay=replay,
-        offsets=[f"{x:.4f}" for x in np.degrees(replay.start)] if is_beside else [],
-        explained=[_explained_in_words(replay, name) for name in replay.measured],
-        checked=list(check_replay(replay)),
-    )
+    findings = [_explained_in_words(replay, name) for name in replay.measured]
+    findings += [f"{doc.capital(str(found))}." for found in check_replay(replay)]
+    findings += _of_the_reference(replay)
+    if is_beside:
+        offsets = " ".join(f"{x:.4f}" for x in np.degrees(replay.start))
+        findings.append(
+            f"The recording starts {offsets} deg away from its reference; this offset is removed."
+        )
+    if gaps := recorded.gaps_in_words:
+        findings.append(
+            f"The recording has {gaps}, filled by straight lines; differences there are not the "
+            "machine's."
+        )
     checked = check_recording(replay.design.robot, recorded)
     findings += [f"Note: {recorded.path.name}: {note}." for note in recorded.notes]
     return findings + [f"Warning: {found}" for found in checked]
+
+
+def _of_the_reference(replay: Replay) -> Iterator[str]:
+    """Return sentences on the simulated loop, and on what was not recorded."""
+    design, signals = replay.design, replay.recorded.signals
+    replaced = design.tau_ff is not None and design.feedforward is None
+    yield doc.said(
+        "The reference has {:g} s, sampled every {:g} ms, on the {} plant with {:code}{}.",
+        design.motion.duration,
+        1e3 * design.motion.period,
+        design.scenario.plant.kind,
+        design.scenario.controller.label,
+        "; the recorded torque feedforward replaces the controller's own" if replaced else "",
+    )
+    if "tau_ff" in signals and not design.scenario.controller.takes_feedforward:
+        yield (
+            "The recorded torque feedforward is left out, as this controller has no input for it."
+        )
+    if "q" not in signals and "q_ref" not in signals:
+        yield "No positions were recorded: all joints are assumed to start at the angle 0."
 
 
 def _explained(replay: Replay, quantity: str) -> Sequence[str]:
@@ -87,21 +114,25 @@ def _explained(replay: Replay, quantity: str) -> Sequence[str]:
     return _texts(_SHARE, np.where(share < 0, np.nan, share))
 
 
-def _explained_in_words(replay: Replay, quantity: str) -> dict[str, object]:
+def _explained_in_words(replay: Replay, quantity: str) -> str:
     """Return the explained shares of a quantity, and the joints that have dashes."""
     apart = replay.apart(quantity)
-    return {
-        "title": QUANTITIES[quantity].title,
-        "shares": _explained(replay, quantity),
-        "worse": _joints(apart > 1),
-        "times": [f"{x:.4g}" for x in apart[apart > 1]],
-        "still": _joints(np.isnan(apart)),
-    }
+    shares, title = " ".join(_explained(replay, quantity)), QUANTITIES[quantity].title
+    text = f"The simulation explains {shares} % of the {title}"
+    if (apart > 1).any():
+        times = ", ".join(f"{x:.4g}" for x in apart[apart > 1])
+        text += (
+            f"; nothing of joint {_joints(apart > 1)}, where the difference is {times} times the "
+            "recorded value (RMS)"
+        )
+    if np.isnan(apart).any():
+        text += f"; of joint {_joints(np.isnan(apart))} nothing was recorded"
+    return f"{text}."
 
 
-def _joints(where: NDArray[np.bool_]) -> list[int]:
-    """Return the joints for which a condition holds, counted from 1."""
-    return [k + 1 for k in np.flatnonzero(where).tolist()]
+def _joints(where: NDArray[np.bool_]) -> str:
+    """Return the joints for which a condition holds, counted from 1, as text."""
+    return ", ".join(str(k + 1) for k in np.flatnonzero(where))
 
 
 def write_replay(replay: Replay, folder: Path) -> Path:
@@ -111,20 +142,18 @@ def write_replay(replay: Replay, folder: Path) -> Path:
         InputError: if a file cannot be written.
     """
     explained, *differences = tables(replay)
-    text = doc.render(
-        "replay.md.j2",
-        title=replay_title(replay),
-        findings=replay_findings(replay),
-        explained=explained,
-        differences=differences,
-        fed=FED,
-        alone=ALONE,
-    )
+    caption = "Recorded and simulated: errors joint side, torques motor side."
+    lead = ["The simulated loop with the recorded reference, compared with the recording."]
+    sections = [
+        doc.Section("In short", [doc.bullets(replay_findings(replay)), explained]),
+        doc.Section("Side by side", [doc.Picture(f"{FIGURE}.png", caption, replay_figure(replay))]),
+        doc.Section("Where the difference comes from", differences),
+        doc.Section("How to read it", [doc.prose("replay", fed=FED, alone=ALONE)]),
+    ]
     with replacing_files(folder) as new:
-        save_both(replay_figure(replay), new / FIGURE)
         replay.to_csv(new / TABLE)
-        doc.Report(text, new).write()
-    return folder / doc.REPORT
+        Report(f"Replay of {replay_title(replay)}", lead, sections).write(new)
+    return folder / REPORT
 
 
 def _texts(metric: Metric, values: Array) -> Sequence[str]:

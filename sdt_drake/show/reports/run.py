@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +20,33 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
-from sdt_drake.motion import story_of
+from sdt_drake.motion import Story, story_of
 from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import Recording
-from sdt_drake.show.documents import Report, Table, render
-from sdt_drake.show.figures.pilot import head_panels
-from sdt_drake.show.figures.scope import joint_columns, position_panels, torque_over_speed
-from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel, Plots
-from sdt_drake.show.style import PALETTE, Look, joint_title
+from sdt_drake.show.documents import Report
+from sdt_drake.show.figures.pilot import felt_panels
+from sdt_drake.show.figures.scope import joint_panels, torque_over_speed
+from sdt_drake.show.panels import MAX_SAMPLES, Plots
+from sdt_drake.show.sections import (
+    Block,
+    Marked,
+    Page,
+    Picture,
+    Section,
+    Table,
+    bullets,
+    code,
+    details,
+    fenced,
+    joined,
+    said,
+)
+from sdt_drake.show.style import joint_title
 from sdt_drake.show.view3d.scene import FELT_MODEL
 from sdt_drake.show.view3d.viewer import recorded_page
 
@@ -53,93 +67,232 @@ def write_run_report(
     """
     report = run_report(design, recording, path, joints)
     if path.suffix == ".html":
-        write_text(path, report.page())
+        write_text(path, report.page(path.parent))
         return
-    write_text(path, report.markdown)
-    for name, file in report.attached.items():
-        if isinstance(file, Plots):
-            file.save_picture(path.with_name(name))
-        else:
-            write_text(path.with_name(name), file)
+    write_text(path, report.markdown())
+    report.write_parts(path.parent)
 
 
 def run_report(design: Design, recording: Recording, path: Path, joints: Sequence[int]) -> Report:
     """Make the report of a run; arguments as in `write_run_report`."""
-    scenario, run = design.scenario, Compared(design.scenario.controller.label, design, recording)
-    attached: dict[str, Plots | str] = {}
-
-    def attach(name: str, file: Plots | str) -> str:
-        attached[f"{path.stem}_{name}"] = file
-        return f"{path.stem}_{name}"
-
+    scenario, name = design.scenario, f"{path.stem}_{{}}".format
+    run = Compared(scenario.controller.label, design, recording)
+    answer = _answer(run)
     tracked = [(METRICS[name], run.metrics[name]) for name in COMPARED]
-    columns = [[torque_over_speed(recording, design, k)] for k in joints]
-    values = {
-        "title": scenario.summary().title,
-        "design": design,
-        "scenario": scenario,
-        "robot": design.robot,
-        "robot_file": Path(scenario.robot),
-        "motion": Path(scenario.motion),
-        "joint_count": joint_count(design.robot.n),
-        "controller_in_words": controller_class(scenario.controller.kind).in_words(design),
-        "gains": _gains(design),
-        "tracking": _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked]),
-        "samples": len(recording.time),
-        "max_samples": MAX_SAMPLES,
-        "joints": [
-            {**joint, "file": attach(f"joint_{k + 1}.png", Plots([panels]))}
-            for k, joint, panels in _over_time(run, joints)
-        ],
-        "torque_file": attach("torque.png", Plots(columns)),
-        "yaml": yaml_text(scenario).rstrip(),
-        "version_table": Table(["", "version"], list(versions().items())),
-    }
-    values |= _answer(run) | _loops(design)
-    if has_head(design.robot):
-        values |= _pilot(run)
-        values["axes"] = [
-            (turn, push, attach(f"pilot_{turn}.png", plots)) for turn, push, plots in _felt(run)
-        ]
+    tracking = _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked])
+    over_speed = Plots([[torque_over_speed(recording, design, k)] for k in joints])
     story = story_of(scenario.motion, design.robot, design.motion)
-    try:
-        page = recorded_page(
-            design.robot, recording.time, recording.q, title=scenario.name, story=story
-        )
-        values |= {"not_shown": "", "page_file": attach("3d.html", page)}
-    except InputError as error:
-        values["not_shown"] = str(error)
-    return Report(render("run.md.j2", **values), path.parent, attached)
+    yaml = details("The scenario, every field of it, as YAML", fenced(yaml_text(scenario).rstrip()))
+    sections = [
+        Section("In short", [bullets(answer.in_short())]),
+        Section("What was run", [Table(["", ""], list(_what(design))), _gains(design)]),
+        Section("Loops", _loops(design, answer.response)),
+        Section("Tracking", [tracking]),
+        Section("Over time", list(_over_time(run, joints, name))),
+        Section(
+            "Torque over speed", [Picture(name("torque.png"), _over_speed(design), over_speed)]
+        ),
+        *([Section("What the pilot feels", _pilot(run, story, name))] if answer.has_head else []),
+        Section("In 3D", _in_3d(run, story, name)),
+        Section("Scenario and versions", [yaml, Table(["", "version"], list(versions().items()))]),
+    ]
+    return Report(scenario.summary().title, answer.lead(), sections)
 
 
-# --- numbers ---------------------------------------------------------------------------------
+# --- the answer ------------------------------------------------------------------------------
 
 
-def _answer(run: Compared) -> dict[str, object]:
-    """Return the values of the answer: the largest errors, where they are, and saturation."""
-    names, recording, tracking = run.design.robot.joint_names, run.recording, run.tracking
+@dataclass(frozen=True)
+class _Answer:
+    """The largest errors of a run, its motors and its loops."""
 
-    def worst(largest: Array, errors: Array) -> tuple[int, dict[str, Any]]:
+    run: Compared
+    response: FrequencyResponse | str
+    """The linear analysis, or why there is none."""
+
+    @property
+    def has_head(self) -> bool:
+        return has_head(self.run.design.robot)
+
+    def _joint(self, k: int) -> str:
+        return joint_title(k, self.run.design.robot.joint_names[k])
+
+    def _worst(self, largest: Array, errors: Array) -> dict[str, Any]:
+        """Return index, name, error and time of the joint with the largest error."""
         k = int(np.nanargmax(largest))
-        time = recording.time[np.abs(errors[:, k]).argmax()]
-        return k, {"joint": joint_title(k, names[k]), "error": largest[k], "time": time}
+        time = self.run.recording.time[np.abs(errors[:, k]).argmax()]
+        return {"k": k, "joint": self._joint(k), "error": largest[k], "time": time}
 
-    k, speed = worst(tracking.max_abs_speed_error, recording.speed_error)
-    planned = np.abs(recording.v_ref[:, k]).max()
-    position_errors = np.degrees(tracking.max_abs_position_error)
-    used = int(np.nanargmax(run.motors.peak_share))
-    return {
-        "speed": {**speed, "share": speed["error"] / planned if planned > 0 else 0},
-        "position": worst(position_errors, recording.position_error)[1],
-        "used": {"joint": joint_title(used, names[used]), "share": run.motors.peak_share[used]},
-        "saturated": [
+    @property
+    def speed(self) -> dict[str, Any]:
+        found = self.run.tracking.max_abs_speed_error
+        return self._worst(found, self.run.recording.speed_error)
+
+    @property
+    def position(self) -> dict[str, Any]:
+        found = np.degrees(self.run.tracking.max_abs_position_error)
+        return self._worst(found, self.run.recording.position_error)
+
+    @property
+    def unstable(self) -> list[str]:
+        if isinstance(self.response, str):
+            return []
+        return [self._joint(k) for k in np.flatnonzero(~self.response.stable).tolist()]
+
+    @property
+    def saturated(self) -> list[str]:
+        return [
             f"joint {i} {plain_number(100 * share)} % of the time"
-            for i, share in enumerate(tracking.saturated_fraction, 1)
+            for i, share in enumerate(self.run.tracking.saturated_fraction, 1)
             if share
-        ],
-        "head": run.head if has_head(run.design.robot) else None,
-        "stops": stops_passed(recording, names),
-    }
+        ]
+
+    def lead(self) -> list[Block]:
+        """Return the answer, and what to do next."""
+        scenario, design = self.run.design.scenario, self.run.design
+        state = "nothing saturates"
+        advice = (
+            "run `sdt-drake budget` on the scenario for the causes of the error, and `sdt-drake "
+            "compare` for other controllers."
+        )
+        if self.unstable:
+            state = "the loops are unstable"
+            advice = (
+                "lower `controller.omega_r`, and run `sdt-drake bode` on the scenario for the "
+                "margins."
+            )
+        elif self.saturated:
+            state = "motors saturate"
+            advice = (
+                "slow the motion down (`planner: retiming`), or run `sdt-drake size` for stronger "
+                "motors."
+            )
+        answer = said(
+            "**The largest speed error is {v[error]:.4g} rad/s ({v[joint]}), the largest position "
+            "error {q[error]:.4g} deg ({q[joint]}); {}.**",
+            state, v=self.speed, q=self.position,
+        )  # fmt: skip
+        motion, duration = Path(scenario.motion).stem, design.reference.duration
+        ran = said("{} on {}, {:g} s.", design.robot.name, motion, duration)
+        return [answer, said("Next: {} {}", Marked(advice), ran)]
+
+    def in_short(self) -> Iterator[Marked]:
+        """Return the result on speed, position, motors, pilot and loops, and notes."""
+        run, speed = self.run, self.speed
+        planned = np.abs(run.recording.v_ref[:, speed["k"]]).max()
+        share = speed["error"] / planned if planned > 0 else 0
+        of_planned = said(": {:.1%} of the joint's largest planned speed", share) if share else ""
+        yield said(
+            "**Speed:** the largest error is {error:.4g} rad/s, {joint}, at {time:.3f} s{}.",
+            of_planned, **speed,
+        )  # fmt: skip
+        yield said(
+            "**Position:** the largest error is {error:.4g} deg, {joint}, at {time:.3f} s.",
+            **self.position,
+        )
+        k = int(np.nanargmax(run.motors.peak_share))
+        limited = f"Saturated: {', '.join(self.saturated)}" if self.saturated else ""
+        yield said(
+            "**Motors:** the largest share of a motor's torque is {:.1%}, {}. {}.",
+            run.motors.peak_share[k], self._joint(k), limited or "No motor saturates",
+        )  # fmt: skip
+        if self.has_head:
+            yield said(
+                "**Pilot:** the error can be felt {:.1%} of the time; if only positions were "
+                "wrong, {:.1%}.",
+                run.head.felt.share, run.head.felt_from_angles.share,
+            )  # fmt: skip
+        if self.unstable:
+            yield said("**Loops:** unstable in linear analysis: {}.", "; ".join(self.unstable))
+        elif isinstance(self.response, FrequencyResponse):
+            yield _margins(self.response)
+        for line in stops_passed(run.recording, run.design.robot.joint_names):
+            yield said("**Note:** {}.", line)
+
+
+def _answer(run: Compared) -> _Answer:
+    try:
+        return _Answer(run, frequency_response(run.design))
+    except InputError as error:  # a user's controller that Drake cannot linearise
+        return _Answer(run, str(error))
+
+
+def _margins(response: FrequencyResponse) -> Marked:
+    """Return the smallest damping ratio and margins of stable loops."""
+    damping, phase, gain = response.damping, response.phase_margin, response.gain_margins_db
+    text = said(
+        "**Loops:** all are stable. The smallest damping ratio is {:.2g} (joint {})",
+        damping.min(), int(damping.argmin()) + 1,
+    )  # fmt: skip
+    if not np.isnan(phase).all():
+        k = int(np.nanargmin(np.abs(phase)))
+        of = "phase margin of a position loop" if response.at_positions else "phase margin"
+        text = said("{}, the smallest {} {:.0f} deg (joint {})", text, of, phase[k], k + 1)
+    if np.isnan(gain).all():
+        return said("{}. Gain margins are unlimited.", text)
+    place = int(np.nanargmin(np.abs(gain)))
+    least = gain.flat[place]
+    return said(
+        "{}. The gain of joint {} may {} by {:.1f} dB.",
+        text, place % gain.shape[-1] + 1, "rise" if least > 0 else "fall", abs(least),
+    )  # fmt: skip
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def _what(design: Design) -> Iterator[tuple[str, str]]:
+    """Return robot, motion, controller, plant and drives in words."""
+    scenario, wanted = design.scenario, design.wanted
+    choice, plant, drive, robot = scenario.controller, scenario.plant, scenario.drive, design.robot
+    file, motion = code(Path(scenario.robot).name), code(Path(scenario.motion).name)
+    yield "robot", said("{}, {} ({})", robot.name, joint_count(robot.n), file)
+    learned = "" if design.motion is wanted else "; the reference is learned"
+    yield "motion", said("{}, {:g} s at {:g} s{}", motion, wanted.duration, wanted.period, learned)
+    controller = controller_class(choice.kind).in_words(design)
+    yield "controller", said("{:code}: {}", choice.label, controller)
+    gain = f" times {list(choice.feedforward_gain)}" if choice.feedforward_gain else ""
+    yield (
+        "torque feedforward",
+        _those(
+            "none",
+            (f"{choice.feedforward_in_use}{gain}", choice.feedforward_in_use != "none"),
+            ("friction at the speed of the reference", choice.friction_compensation),
+            ("learned torque", design.learned_torque is not None),
+        ),
+    )
+    exact = design.model.sdf == robot.sdf
+    yield "controller's model", "exact" if exact else "differs from the simulated robot"
+    coupled = "all joints coupled, by Drake's MultibodyPlant"
+    alone = "each axis alone, with the load torque of the reference motion"
+    inertia = None if plant.i_eff is None else list(plant.i_eff)
+    yield (
+        "plant",
+        _those(
+            "",
+            (coupled if plant.kind == "coupled" else alone, True),
+            (f"with the inertia {inertia} kg m² on the motors", inertia),
+            ("with friction", not plant.friction.is_none),
+            ("with elastic joints", not plant.elasticity.is_rigid),
+            ("with deviations", robot is not design.nominal),
+            ("with a disturbance", scenario.disturbance.amplitude),
+        ),
+    )
+    yield "drives", _those(
+        "ideal",
+        (f"speed loop every {1e3 * (drive.period or 0):g} ms", drive.period is not None),
+        ("encoders with increments", drive.encoder_resolution is not None),
+        (f"torque loop of {drive.torque_bandwidth} Hz", drive.torque_bandwidth is not None),
+        ("wrong torques", drive.torque_error is not None),
+        (f"torque-speed envelope of {getattr(design.envelope, 'source', '')}",
+         design.envelope is not None),
+        (f"reference {1e3 * drive.reference_delay:g} ms late", drive.reference_delay),
+    )  # fmt: skip
+
+
+def _those(default: str, *clauses: tuple[str, object]) -> str:
+    """Join the clauses that hold."""
+    return "; ".join(text for text, holds in clauses if holds) or default
 
 
 def _gains(design: Design) -> Table:
@@ -165,94 +318,93 @@ def _table(
     return Table(*by_joint(design.robot.joint_names, columns), title)
 
 
-def _loops(design: Design) -> dict[str, object]:
-    """Return stability, margins and linear analysis of the loops."""
-    try:
-        response = frequency_response(design)
-    except InputError as error:  # a user's controller that Drake cannot linearise
-        return {"response": str(error), "unstable": [], "margins": None}
-    names = enumerate(design.robot.joint_names)
-    return {
-        "response": response,
-        "loops": _table(design, response.columns()),
-        "left_out": left_out(design, response),
-        "unstable": [joint_title(k, name) for k, name in names if not response.stable[k]],
-        "margins": _margins(response),
-    }
-
-
-def _margins(response: FrequencyResponse) -> Mapping[str, tuple[int, float] | None]:
-    """Return joint and value of each smallest margin; None if all are unlimited."""
-
-    def smallest(values: Array) -> tuple[int, float] | None:
-        if np.isnan(values).all():
-            return None
-        place = int(np.nanargmin(np.abs(values)))
-        return place % values.shape[-1] + 1, float(values.flat[place])
-
-    return {
-        "damping": (int(response.damping.argmin()) + 1, float(response.damping.min())),
-        "phase": smallest(response.phase_margin),
-        "gain": smallest(response.gain_margins_db),
-    }
+def _loops(design: Design, response: FrequencyResponse | str) -> list[Block]:
+    """Return the linear analysis, or why there is none."""
+    if isinstance(response, str):
+        return [said("There is no linear analysis: {}.", response)]
+    more = joined((said("{}.", x.capitalize()) for x in left_out(design, response)), " ")
+    note = said(
+        "> Link speed over its reference, without feedforward; the loop is cut at {}, all others "
+        "are closed. The gain of a joint may rise by its gain margin before the loop becomes "
+        "unstable. Each joint is at rest where its inertia is largest. {}",
+        response.cut, more,
+    )  # fmt: skip
+    return [_table(design, response.columns()), Marked(note.rstrip())]
 
 
 # --- plots -----------------------------------------------------------------------------------
 
 
-def _over_time(
-    run: Compared, joints: Sequence[int]
-) -> list[tuple[int, dict[str, object], list[Panel]]]:
-    """Return each joint with its title, if it saturates, and its panels."""
-    design, recording = run.design, run.recording
-    positions, others = position_panels(recording), joint_columns(recording, design)
-    return [
-        (
-            k,
-            {
-                "title": joint_title(k, design.robot.joint_names[k]).capitalize(),
-                "marked": bool(np.any(recording.saturated[:, k] > 0)),
-            },
-            [positions[k], *others[k]],
+def _over_time(run: Compared, joints: Sequence[int], name: Any) -> Iterator[Block]:
+    """Return the plots of each joint over time."""
+    samples = len(run.recording.time)
+    shown = f"All {samples} samples are shown."
+    if samples > MAX_SAMPLES:
+        shown = f"Of {samples} samples, the least and the largest of each short interval are shown."
+    yield said("> {}", shown)
+    panels = joint_panels(run.recording, run.design)
+    for k in joints:
+        title = joint_title(k, run.design.robot.joint_names[k]).capitalize()
+        caption = f"{title}: torques are motor side, all else joint side."
+        if np.any(run.recording.saturated[:, k] > 0):
+            caption += " On grey ground the motor gives less torque than commanded."
+        yield said("### {}", title)
+        yield Picture(name(f"joint_{k + 1}.png"), caption, Plots([panels[k]]))
+
+
+def _over_speed(design: Design) -> str:
+    """Return the caption of torque over speed."""
+    caption = "Torque of the motors over their speed, motor side, at the ends of the periods."
+    if design.scenario.plant.kind == "axis":
+        caption += " On this plant the other motors' help widens the limits, which is not drawn."
+    if design.springs is not None:
+        caption += " The speed of elastic joints is link speed times gear ratio."
+    return caption
+
+
+def _pilot(run: Compared, story: Story, name: Any) -> list[Block]:
+    """Return the intended feeling of the motion, the predicted illusions, and plots by axis."""
+    blocks, predicted = _predicted(run, story)
+    if story.feels:
+        felt = said("To be felt: {}", story.feels)
+        blocks.insert(0, joined([felt, predicted], " ") if predicted else felt)
+    threshold = Marked(
+        "> The last plot of each figure is the error over the threshold of attentive people in "
+        "silence and darkness. Below 1 nobody feels it; above, some may."
+    )
+    pictures = [
+        Picture(
+            name(f"pilot_{turn}.png"),
+            f"{push.capitalize()} force and {turn} of the head, in its own axes.",
+            Plots([panels]),
         )
-        for k in joints
+        for turn, push, panels in felt_panels(run.recording.time, run.head)
     ]
+    return [*blocks, CAUTION, threshold, *pictures]
 
 
-def _pilot(run: Compared) -> dict[str, object]:
-    """Return the intended feeling of the motion, and the predicted illusions."""
+def _predicted(run: Compared, story: Story) -> tuple[list[Block], str]:
+    """Return the predicted illusions, and if the intended one is predicted."""
     design, head = run.design, run.head.achieved
-    story = story_of(design.scenario.motion, design.robot, design.wanted)
-    predicted, found, not_predicted = "", [], ""
     try:
         felt = feel(head, design.motion.period, FELT_MODEL)
-        found = [str(one) for one in illusions(felt, head)]
+        found = [f"{one}." for one in illusions(felt, head)]
+        sentence = ""
         if story.illusion:
             meant = intended(design.scenario.name, story.illusion, head, {FELT_MODEL: felt})
-            predicted = meant.sentence(FELT_MODEL)
+            sentence = meant.sentence(FELT_MODEL)
     except InputError as error:
-        not_predicted = str(error)
-    return {
-        "feels": story.feels,
-        "predicted": predicted,
-        "illusions": found,
-        "not_predicted": not_predicted,
-        "felt_by": FELT_MODEL,
-        "caution": CAUTION,
-    }
+        return [said("There is no prediction of what is felt: {}.", error)], ""
+    if not found:
+        return [said("{:code} predicts no illusion.", FELT_MODEL)], sentence
+    return [said("Illusions that {:code} predicts:", FELT_MODEL), bullets(found)], sentence
 
 
-def _felt(run: Compared) -> list[tuple[str, str, Plots]]:
-    """Return rotation and force of each axis of the head by name, and their plots."""
-    time, head, felt = run.recording.time, run.head, run.head.felt.multiples
-    just = Line("threshold: just felt", Look("0.2"), np.ones_like(time))
-    shown = []
-    for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
-        lines = [
-            Line(f"error of {turn}", Look(PALETTE[3]), felt[:, axis]),
-            Line(f"error of {push} force", Look(PALETTE[5]), felt[:, 3 + axis]),
-            just,
-        ]
-        error = Panel("", "time [s]", "error / threshold", time, lines)
-        shown.append((turn, push, Plots([[*head_panels(time, head, axis), error]])))
-    return shown
+def _in_3d(run: Compared, story: Story, name: Any) -> list[Block]:
+    robot, recording = run.design.robot, run.recording
+    try:
+        title = run.design.scenario.name
+        page = recorded_page(robot, recording.time, recording.q, title=title, story=story)
+    except InputError as error:
+        return [said("There is no 3D recording: {}.", error)]
+    return ["The run in 3D; drag to turn the view.", Page(name("3d.html"), "Play", page)]

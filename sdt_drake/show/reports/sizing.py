@@ -12,14 +12,16 @@ from typing import Any
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.resources import PACKAGE_PREFIX
 from sdt_drake.io.shown import formatted, listed
-from sdt_drake.show import documents as doc
+from sdt_drake.show import sections as doc
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report
 from sdt_drake.show.figures.fronts import sizing_front
-from sdt_drake.show.style import pictures, save_both
+from sdt_drake.show.sections import Marked, joined, said
+from sdt_drake.show.style import pictures
 from sdt_drake.studies.sizing import Sizing, short_name
 from sdt_drake.studies.verdicts import Verdict, nearest, recommend
 
 FIGURE = "front"
-FILES = (*pictures(FIGURE), doc.MARKDOWN, doc.REPORT)
+FILES = (*pictures(FIGURE), MARKDOWN, REPORT)
 """Names of the report's files."""
 
 _MIN_MARGIN = 0.1  # share of a limit; motors with less are named
@@ -39,25 +41,104 @@ def write_sizing_report(
     Raises:
         InputError: if a file cannot be written.
     """
-    save_both(sizing_front(f"{sizing.name}: motors and tracking", verdicts), folder / FIGURE)
     answers = [_answer(sizing, verdicts, label) for label in sizing.controllers]
     answers.sort(key=_heavy)
     best = answers[0] if answers[0]["chosen"] else None
-    alike = [a["label"] for a in answers if best and _same(a["chosen"], best["chosen"])]
-    tables = [table for answer in answers for table in (answer["margins"], answer["out"])]
-    text = doc.render(
-        "sizing.md.j2",
-        name=sizing.name,
-        failed=failed,
-        best=best,
-        alike=listed(alike),
-        answers=answers,
-        count=len(verdicts) // len(sizing.controllers),
-        motions=[short_name(motion) for motion in sizing.motions],
-        tables=[*filter(None, tables)],
-        motors=motor_table(sizing, verdicts),
+    tables = [table for answer in answers for table in (answer["margins"], answer["out"]) if table]
+    count = len(verdicts) // len(sizing.controllers)
+    front = doc.Picture(
+        f"{FIGURE}.png",
+        "Largest speed error over the mass of all motors, for each controller.",
+        sizing_front(f"{sizing.name}: motors and tracking", verdicts),
     )
-    doc.Report(text, folder).write()
+    where = Marked("`candidates.csv` contains each candidate with its worst value of every limit.")
+    sections = [
+        doc.Section("In short", [doc.bullets(_in_short(answer, count) for answer in answers)]),
+        doc.Section("What to do next", _next(best)),
+        doc.Section("Margins", tables),
+        doc.Section("Motor by motor", [motor_table(sizing, verdicts)]),
+        doc.Section("All candidates", [front, where]),
+    ]
+    lead = [said("> {}", failed)] if failed else []
+    lead.append(_best(sizing, answers, count) if best else _none(answers, count))
+    Report(f"Motors of {sizing.name}", lead, sections).write(folder)
+
+
+def _best(sizing: Sizing, answers: Sequence[dict[str, Any]], count: int) -> Marked:
+    """Return the lightest set that meets all requirements, and why lighter ones do not."""
+    best = answers[0]
+    text = said(
+        "**{}: {:g} kg of motors are enough, with {}.** It is the lightest set that meets all "
+        "requirements in {}; {} of {} sets do.",
+        _set(best["chosen"]),
+        best["chosen"].mass,
+        listed([x["label"] for x in answers if _same(x["chosen"], best["chosen"])]),
+        ", ".join(map(short_name, sizing.motions)),
+        best["kept"],
+        count,
+    )
+    if not best["lighter"]:
+        return text
+    reasons = "; ".join(best["reasons"])
+    lighter = said("Lighter sets ({}) miss, most often first: {}.", best["lighter"], reasons)
+    return joined([text, lighter], " ")
+
+
+def _none(answers: Sequence[dict[str, Any]], count: int) -> Marked:
+    """Return what all sets miss, for each controller."""
+    missed = "; ".join(f"with {x['label']}, {'; '.join(x['reasons'])}" for x in answers)
+    return said(
+        "**No motor set of {} meets all requirements.** They miss most often: {}.", count, missed
+    )
+
+
+def _in_short(answer: dict[str, Any], count: int) -> Marked:
+    """Return the chosen or the nearest set of a controller."""
+    label, chosen, shown = answer["label"], answer["chosen"], answer["shown"]
+    if chosen is None:
+        which = "none" if answer["judged"] else "none of those with complete runs"
+        nearest, misses = _set(shown), len(shown.missed)
+        return said(
+            "**With {}:** {}. The nearest, {}, misses {}: {}.",
+            label, which, nearest, misses, shown.missed[0],
+        )  # fmt: skip
+    text = said(
+        "**With {}:** {}, {:g} kg; {} of {} candidates meet all requirements.",
+        label, _set(chosen), chosen.mass, answer["kept"], count,
+    )  # fmt: skip
+    tight = said("Less than a tenth of a limit is left at {}.", ", ".join(answer["tight"]))
+    return joined([text, tight], " ") if answer["tight"] else text
+
+
+def _set(verdict: Verdict) -> str:
+    """Return the motors of a candidate, with its structure if that is scaled."""
+    scale = verdict.candidate.structure_scale
+    scaled = f" at structure scale {scale:g}" if scale != 1 else ""
+    return ", ".join(verdict.candidate.motors) + scaled
+
+
+def _next(best: dict[str, Any] | None) -> list[doc.Block]:
+    """Return what to do next, with the fields of the best set."""
+    again = (
+        "To change requirements, motions or catalogue, edit the sizing's file and run it into "
+        "another folder."
+    )
+    if best is None:
+        stronger = Marked(
+            "Offer stronger motors for the joints of the first table, relax `requirements`, or "
+            "slow the motions down with `planner: retiming` and `stretch`."
+        )
+        return [doc.bullets([stronger, again])]
+    look = Marked(
+        "Copy the fields below into the scenario, and look at a run: `sdt-drake simulate SCENARIO "
+        "--out run.html`."
+    )
+    tight = Marked(
+        "Masses and friction are rarely known better than the smallest margin here, below a tenth: "
+        "run `sdt-drake study` to see how often the limits are met."
+    )
+    steps = [look, tight, again] if best["tight"] else [look, again]
+    return [doc.bullets(steps), doc.fenced(best["fields"])]
 
 
 def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -13,10 +13,25 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.files import write_text
-from sdt_drake.show.documents import REPORT, Report, Table, capital, render
+from sdt_drake.io.shown import listed
+from sdt_drake.show.documents import REPORT, Report
 from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.show.figures import studies as plots
-from sdt_drake.show.style import save_both
+from sdt_drake.show.sections import (
+    Block,
+    Box,
+    Marked,
+    Picture,
+    Section,
+    Table,
+    bullets,
+    capital,
+    code,
+    details,
+    joined,
+    said,
+    tiles,
+)
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.summary import (
     PERCENTS,
@@ -61,48 +76,93 @@ def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, lis
     Raises:
         InputError: if the folder contains no study with a run, or a file cannot be written.
     """
-    report, tables = make_study_report(read_study_table(folder), folder, out)
-    return write_text(report.folder / REPORT, report.page()), tables
+    report, tables = make_study_report(read_study_table(folder), folder)
+    place = out or folder
+    report.write_parts(place)
+    return write_text(place / REPORT, report.page(place)), tables
 
 
-def make_study_report(
-    table: StudyTable, folder: Path, out: Path | None = None
-) -> tuple[Report, list[Table]]:
-    """Write the figures of a study, and return its report and tables without those of each joint.
+def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[Table]]:
+    """Return the report of a study, and its tables without those of each joint.
 
     Args:
         table: the table of the study.
         folder: the folder of the study, for the command that repeats a run.
-        out: the folder of the figures; None for that of the study.
     """
-    study, families = study_summary(table), headlines(table)
+    families, figures, status = headlines(table), study_figures(table), status_table(table)
+    sections = [Section("Summary", study_summary(table)), Section("Status", [status])]
+    if not families:
+        return Report(f"Study {table.name}", [], sections), [status]
     percentile_tables = [percentile_table(table, [family]) for family in families]
     worst = [worst_table(table, family) for family in families]
-    sensitivities = sensitivity_tables(table, families) if families else []
-    study |= {
-        "place": "",
-        "figures": _figures(table, out or folder),
-        "has_numbers": bool(families),
-        "percentiles": percentile_tables,
-        "percentiles_by_joint": _by_joint(table, lambda names: [percentile_table(table, names)]),
-        "worst": worst,
-        "command": f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
-        "sensitivity": sensitivities,
-        "sensitivity_by_joint": _by_joint(table, partial(sensitivity_tables, table)),
-    }
-    report = Report(render("study.md.j2", study=study), out or folder)
-    return report, [status_table(table), *percentile_tables, *worst, *sensitivities]
+    shares = sensitivity_tables(table, families)
+    repeat = said(
+        "Repeat a run exactly: {:code}",
+        f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
+    )
+    sections += [
+        Section(
+            "Distributions",
+            [
+                *_pictures(figures, "distributions"),
+                "Runs with status ok; joint side, torques as shares of the motor's largest torque.",
+                *percentile_tables,
+                *_by_joint(table, lambda names: [percentile_table(table, names)]),
+            ],
+        ),
+        Section("Worst runs", [*worst, repeat]),
+        Section(
+            "What matters",
+            [
+                *([_EXPLAINED] if shares else []),
+                *shares,
+                *_pictures(figures, "tornado"),
+                *(_by_joint(table, partial(sensitivity_tables, table)) if shares else []),
+            ],
+        ),
+        Section("All runs", _pictures(figures, "scatter")),
+        Section("Pareto front", _pictures(figures, "pareto")),
+    ]
+    tables = [status, *percentile_tables, *worst, *shares]
+    return Report(f"Study {table.name}", [], [one for one in sections if one.blocks]), tables
 
 
-def study_chapter(folder: Path) -> dict[str, object]:
-    """Write the figures of a study, and return its values for a report in the folder above.
+_EXPLAINED = (
+    "The share of an outcome's variance that each input explains alone, with its standard error "
+    "(first-order index: correlation ratio, corrected for chance; worst joint of each run). The "
+    "rest to 100 % comes from inputs acting together, or is too fine for the bins of this number "
+    "of runs."
+)
+_CAPTIONS = {
+    "distributions": "Share of the runs at or below a value; markers at 50 %, 95 % and 99 %.",
+    "tornado": "Mean over the runs in which an input is in its lowest or highest fifth; for "
+    "texts, the levels with the lowest and the highest mean.",
+    "scatter": "A point for each run, at most 2000.",
+    "pareto": "Designs that complete all runs, with their worst values; grey: another design is "
+    "better in one outcome and not worse in the other.",
+}
+
+
+def _pictures(figures: Mapping[str, Figure], *names: str, place: str = "") -> list[Picture]:
+    """Return the pictures of existing figures; `place` is the path of their folder."""
+    return [
+        Picture(f"{place}{name}.png", _CAPTIONS[name], figures[name])
+        for name in names
+        if name in figures
+    ]
+
+
+def study_chapter(folder: Path) -> Section:
+    """Return the section on a study for a report in the folder above.
 
     Raises:
         InputError: as for `write_study_report`.
     """
     table = read_study_table(folder)
-    figures = _figures(table, folder, ("distributions", "tornado", "pareto"))
-    return {**study_summary(table), "place": f"{folder.name}/", "figures": figures}
+    figures = study_figures(table, ("distributions", "tornado", "pareto"))
+    pictures = _pictures(figures, *figures, place=f"{folder.name}/")
+    blocks = [*study_summary(table), status_table(table), *pictures]
+    return Section(f"Study {table.name}", blocks)
 
 
 def families_there(table: StudyTable) -> list[str]:
@@ -116,8 +176,8 @@ def headlines(table: StudyTable) -> list[str]:
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
-def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -> list[str]:
-    """Write the chosen figures for which there is data, and return their names."""
+def study_figures(table: StudyTable, wanted: Sequence[str] = FIGURES) -> dict[str, Figure]:
+    """Draw the chosen figures for which there is data, by name."""
     names, count = headlines(table), int(table.ok.sum())
     moved = [family for family in names if plots.influential(table, [family])]
     drawn: dict[str, Callable[[], Figure]] = {}
@@ -136,10 +196,7 @@ def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -
     if is_front and len(table.designs(COST, ERROR)):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
         drawn["pareto"] = partial(plots_front.pareto_figure, title, table, COST, ERROR)
-    chosen = [name for name in drawn if name in wanted]
-    for name in chosen:
-        save_both(drawn[name](), folder / name)
-    return chosen
+    return {name: draw() for name, draw in drawn.items() if name in wanted}
 
 
 # --- tables ----------------------------------------------------------------------------------
@@ -275,58 +332,74 @@ def cell(value: float | str) -> str:
 # --- in short --------------------------------------------------------------------------------
 
 
-def study_summary(table: StudyTable) -> dict[str, object]:
-    """Return the values of study_summary.md.j2, and the table of statuses."""
-    return {
-        "name": table.name,
-        "failed": capital(failures(table)),
-        "runs": len(table),
-        "varied": list(varied(table)),
-        "time": _time(table.runs["duration"].sum()),
-        "tiles": [
-            (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
-            for status, runs in count_statuses(table).items()
-        ],
-        "findings": [finding(table, family) for family in headlines(table)],
-        "status": status_table(table),
-    }
+def study_summary(table: StudyTable) -> list[Block]:
+    """Return the failures, findings and counts of a study."""
+    blocks: list[Block] = []
+    if failed := failures(table):
+        blocks.append(Box("div", [f"{capital(failed)}."], ' class="bad"'))
+    found = [finding(table, family) for family in headlines(table)]
+    if found:
+        blocks.append(bullets(text for text, _ in found))
+    if any(has_causes for _, has_causes in found):
+        blocks.append(
+            Marked(
+                "> In brackets: share of the variance that the input explains alone, and its "
+                "standard error."
+            )
+        )
+    inputs = joined(map(code, varied(table)))
+    differ = said("that differ in {}", inputs) if inputs else "with equal inputs"
+    time = _time(table.runs["duration"].sum())
+    counts = [
+        (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
+        for status, runs in count_statuses(table).items()
+    ]
+    return [
+        *blocks, said("{} runs {}; {} of computation.", len(table), differ, time), tiles(counts)
+    ]  # fmt: skip
 
 
-def finding(table: StudyTable, family: str) -> dict[str, object]:
-    """Return the 95th percentile of an outcome and its main causes, each with its group.
+def finding(table: StudyTable, family: str) -> tuple[Marked, bool]:
+    """Return the 95th percentile of an outcome and its main causes, and if it has causes.
 
     Args:
         table: the table of the study.
         family: family of the outcome.
     """
-    limits: list[tuple[str, str | None]] = []
-    causes: dict[str, list[tuple[str, str | None]]] = {}
+    limits: list[str] = []
+    causes: dict[str, list[str]] = {}
     for level, part in table.groups.items():
         (value,) = metric_of(family).factor * percentiles(part, family, (95,))
         if np.isnan(value):
             continue
-        where = level if table.by else None
-        limits.append((f"{value:.3g}", where))
+        where = said(" with {:code}", level) if table.by else ""
+        limits.append(said("{:.3g}{}", value, where))
         shares = _shares(part, family)
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
         if len(shares) > 1 and share.value > max(_MIN_SHARE, 2 * share.error):
-            causes.setdefault(name, []).append((f"{_percent(share)} %", where))
-    label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
-    all_known = bool(usable(table, family).all())
-    return {"label": capital(label), "all_known": all_known, "limits": limits, "causes": causes}
+            causes.setdefault(name, []).append(said("{} %{}", _percent(share), where))
+    text = said(
+        "**{}:** at most {} in 95 % of {}.",
+        capital(", ".join(filter(None, [metric_of(family).label, table.place(family)]))),
+        Marked(listed(limits)),
+        "the runs" if usable(table, family).all() else "the runs with a value",
+    )
+    if not causes:
+        return text, False
+    named = [said("{:code} ({})", name, joined(shares)) for name, shares in causes.items()]
+    return joined([text, said("It depends most on {}.", Marked(listed(named)))], " "), True
 
 
-def _by_joint(
-    table: StudyTable, tables: Callable[[list[str]], list[Table]]
-) -> list[tuple[str, list[Table]]]:
-    """Return the title of each family, and tables of its worst joint and of each joint."""
-    return [
-        (
+def _by_joint(table: StudyTable, tables: Callable[[list[str]], list[Table]]) -> list[Block]:
+    """Return folded tables of each family, for its worst joint and for each joint."""
+    folded = [
+        details(
             capital(metric_of(family).title),
-            tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
+            *tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
         )
         for family in families_there(table)
     ]
+    return [Marked("### All outcomes by joint"), *folded] if folded else []
 
 
 def _time(seconds: float) -> str:

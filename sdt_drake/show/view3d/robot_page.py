@@ -19,7 +19,8 @@ from sdt_drake.io.shown import joint_count, numbered
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.shapes import drawable
-from sdt_drake.show.documents import Table, render_html
+from sdt_drake.show.documents import render_html
+from sdt_drake.show.sections import Table
 from sdt_drake.show.view3d.scene import FIELD_OF_VIEW, FRAME_RATE, WIDTH, Frames, Scene
 from sdt_drake.show.view3d.viewer import freeing_meshcat, in_browser, open_meshcat, page_with
 from sdt_drake.systems.skeleton import arrow, bones
