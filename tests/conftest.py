@@ -159,8 +159,12 @@ def undrawn(monkeypatch):
     """Figures as files of few bytes: drawing takes most of the time of a report."""
     from matplotlib.figure import Figure
 
-    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-    monkeypatch.setattr(Figure, "savefig", lambda self, path, **options: path.write(svg))
+    files = {"svg": b'<svg xmlns="http://www.w3.org/2000/svg"/>', "png": b"\x89PNG\r\n\x1a\n"}
+
+    def savefig(self, file, format, **options):
+        file.write(files[format])
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
 
 
 @pytest.fixture(scope="session")

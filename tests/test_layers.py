@@ -15,7 +15,7 @@ HIGHER = {
     ("analysis/comparison.py", "show.figures.runs:comparison"),
     ("analysis/frequency_response.py", "show.figures.runs:bode"),
     ("analysis/loop_step.py", "show.figures.runs:loop_step"),
-    ("analysis/orientation.py", "show.figures.pilot:percept"),
+    ("pilot/orientation.py", "show.figures.pilot:percept"),
     ("machine/replay.py", "show.figures.replay:replay_figure"),
     ("motion/plan.py", "show.figures.motions:plan"),
     ("motion/trajectory.py", "show.figures.runs:trajectories"),

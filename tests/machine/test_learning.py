@@ -24,6 +24,7 @@ from sdt_drake.machine.learn.loops import (
 from sdt_drake.motion import LearnedReference, Motion, checked_torque
 from sdt_drake.run.design import make_design
 from sdt_drake.run.simulate import simulate
+from sdt_drake.show.figures.learning import errors
 from sdt_drake.show.figures.runs import scope
 from sdt_drake.show.reports import learning as report
 from sdt_drake.studies.devices import devices_of
@@ -221,7 +222,7 @@ def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
     flight, run = fly(design := cascade("p_pi", SPRINGS), 1), simulate(design)
     np.testing.assert_array_equal(flight.seen, run.q_measured - design.wanted.q)
     np.testing.assert_array_equal(flight.error, run.position_error)
-    told = report.plot_errors("learn", run.time, [flight], design.robot.joint_names)
+    told = errors("learn", run.time, [flight], design.robot.joint_names)
     shown = np.reshape(scope("simulate", run, design).axes, (4, -1))[2]
     for learned, simulated in zip(told.axes, shown, strict=False):  # of one sign, late is negative
         lines = [*learned.get_lines(), *simulated.get_lines()]
