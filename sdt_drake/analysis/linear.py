@@ -69,7 +69,7 @@ class LinearLoop:
         tau_ff is added to the feedback torque [N m], motor side. States of the process come before
         those of the feedback.
         """
-        return self.opened.fed_back(self._back, slice(0, self.n))
+        return self.opened.close_loop(self._back, slice(0, self.n))
 
     @property
     def _back(self) -> slice:
@@ -89,7 +89,7 @@ class LinearLoop:
         B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
         C = np.append(loop.C[[3 * n + k]], [[0.0]], axis=1)
         states = (*loop.states, f"q_ref_{k + 1}")
-        return StateSpace(A, B, C, np.zeros((1, 1)), loop.period, states).between()
+        return StateSpace(A, B, C, np.zeros((1, 1)), loop.period, states).structurally_minimal()
 
 
 def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
@@ -123,7 +123,7 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
         loop,
         C=loop.C[2 * n :],
         D=np.vstack([loop.D[2 * n : 4 * n], loop.D[4 * n :] + torque]),
-    ).between()
+    ).structurally_minimal()
     inputs = _of_joints(n, "q_ref", "v_ref", "vd_ref", "tau_ff")
     outputs = _of_joints(n, "q", "v", "tau_cmd")
     return LinearModel(
@@ -167,7 +167,7 @@ def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLo
         for ports in (slice(3 * n, 5 * n), slice(5 * n, None))
     )
     # The torque depends on the slow samples alone, and changes only at these.
-    is_slow = by_samples and not by_state and not len(feedback.between().A)
+    is_slow = by_samples and not by_state and not len(feedback.structurally_minimal().A)
     step = period if is_slow else feedback.period or design.drive.period or 0.0
     if step:
         process = process.sampled(step)
@@ -177,11 +177,11 @@ def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLo
     torque, samples, measured = slice(n), slice(n, 3 * n), slice(2 * n)
     series = _in_series(process, feedback)
     if is_slow or not by_samples:
-        return LinearLoop(series.fed_back(measured, samples), False, n)
-    slow = series.fed_back(slice(4 * n, None), torque).sampled(period)
+        return LinearLoop(series.close_loop(measured, samples), False, n)
+    slow = series.close_loop(slice(4 * n, None), torque).sampled(period)
     if is_late:
         slow = slow.by_differences(_of_joints(n, "q_sampled_before"))
-    return LinearLoop(slow.fed_back(slice(n, 2 * n), slice(n, 2 * n)), True, n)
+    return LinearLoop(slow.close_loop(slice(n, 2 * n), slice(n, 2 * n)), True, n)
 
 
 def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:

@@ -198,7 +198,7 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     if other:
         echo(f"The study was run with {other}, so numbers may differ.")
     if out is not None:
-        recording.to_csv(out)
+        recording.save(out)
         echo(f"{out} written")
 
 

@@ -26,7 +26,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.run.design import Design, load_device, make_design
 from sdt_drake.run.loop import make_loop
-from sdt_drake.run.motor_torque import envelope
+from sdt_drake.run.motor_torque import motor_limits
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.run.threads import threads
@@ -183,7 +183,7 @@ def replay(
         >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
         >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
         >>> design = sdt.design(sdt.load("coupled_pi_ctc"), motion=motion)
-        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> sdt.simulate(design).save("run.csv")
         >>> replayed = sdt.replay("run.csv", sdt.load("wrong_model"))
         >>> replayed.explained("speed_error").round(2)  # share of the recorded error
         array([1.  , 0.97, 1.  , 1.  ])
@@ -296,7 +296,7 @@ def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
     to the recording where no motor is at its limit.
     """
     run = simulate(design.assuming(prescribed_motion=(at["q"], at["v"])))
-    lowest, highest = envelope(design, at["v"])
+    lowest, highest = motor_limits(design, at["v"])
     # Limits of the motors, with or without the simulation's wider ones.
     least, most = np.minimum(lowest, run.tau_limited), np.maximum(highest, run.tau_limited)
     inside = (at["tau"] > c.UNSATURATED * least) & (at["tau"] < c.UNSATURATED * most)

@@ -1,6 +1,6 @@
 """Planned motions: from commanded joint speeds to a motion within the robot's limits."""
 
-from sdt_drake.motion.command import Command, Course, TimedSegment, command_of, load_command
+from sdt_drake.motion.command import Command, SpeedProfile, TimedSegment, command_of, load_command
 from sdt_drake.motion.learned import LearnedReference, load_learned
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.load import PLANNERS, Planner, Story, load_commanded, load_plan, story_of
@@ -24,9 +24,33 @@ from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
 
 __all__ = [
-    "FELT_QUANTITIES", "INTERPOLATION_PERIOD", "PLANNERS", "Command", "Course", "IntendedIllusion",
-    "LearnedReference", "Margins", "Motion", "MotionProfile", "Plan", "Planner", "Story",
-    "TimedSegment", "checked_torque", "command_of", "commanded_motion", "ends_in_motion",
-    "import_motion", "load_command", "load_commanded", "load_learned", "load_plan", "load_profile",
-    "margins", "plan_motion", "retime", "shipped_motions", "story_of",
+    "FELT_QUANTITIES",
+    "INTERPOLATION_PERIOD",
+    "PLANNERS",
+    "Command",
+    "IntendedIllusion",
+    "LearnedReference",
+    "Margins",
+    "Motion",
+    "MotionProfile",
+    "Plan",
+    "Planner",
+    "SpeedProfile",
+    "Story",
+    "TimedSegment",
+    "checked_torque",
+    "command_of",
+    "commanded_motion",
+    "ends_in_motion",
+    "import_motion",
+    "load_command",
+    "load_commanded",
+    "load_learned",
+    "load_plan",
+    "load_profile",
+    "margins",
+    "plan_motion",
+    "retime",
+    "shipped_motions",
+    "story_of",
 ]  # fmt: skip

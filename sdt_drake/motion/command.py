@@ -15,7 +15,7 @@ from sdt_drake.io.errors import InputError, retelling, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
-from sdt_drake.motion.segments import Given, Ramp, Segment, Swing, Turn
+from sdt_drake.motion.segments import PiecewiseLinearSpeed, Ramp, Segment, SmoothSpeed, Turn
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.robot import Robot
@@ -24,10 +24,10 @@ _TIME_TOLERANCE = 1e-9  # s; round-off of sums of durations
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """A joint speed over time: m pieces, each linear or along half a cosine, and added swings.
+class SpeedProfile:
+    """A joint speed over time: m pieces, each linear or along half a cosine, and smooth ones.
 
-    >>> Course.linear([0, 1, 3], [0, 2, 0]).speed(np.array([0.5, 2.0]))
+    >>> SpeedProfile.linear([0, 1, 3], [0, 2, 0]).speed(np.array([0.5, 2.0]))
     array([1., 1.])
     """
 
@@ -37,13 +37,15 @@ class Course:
     """Speed at `times` [rad/s], shape (m + 1,)."""
     cosine: NDArray[np.bool_]
     """True for a piece along half a cosine, shape (m,)."""
-    swings: tuple[tuple[float, Swing], ...] = ()
-    """Swings that are added to the pieces, each with its start [s]."""
+    smooth: tuple[tuple[float, SmoothSpeed], ...] = ()
+    """Smooth speeds that are added to the pieces, each with its start [s]."""
 
     @staticmethod
-    def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Course:
-        """Return the course that is linear between the points."""
-        return Course(np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=np.bool_))
+    def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> SpeedProfile:
+        """Return the speed that is linear between the points."""
+        return SpeedProfile(
+            np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=np.bool_)
+        )
 
     def speed(self, time: Array) -> Array:
         """Return the speed [rad/s] at `time` [s], shape (N,)."""
@@ -51,10 +53,10 @@ class Course:
         blended = self.values[i] + np.diff(self.values)[i] * (1 - np.cos(np.pi * s)) / 2
         linear = np.interp(time, self.times, self.values)
         speed = np.where(self.cosine[i], blended, linear)
-        return speed + sum(swing.speed(time - start) for start, swing in self.swings)
+        return speed + sum(part.speed(time - start) for start, part in self.smooth)
 
     def acceleration(self, time: Array) -> Array:
-        """Return the acceleration of the pieces, without swings [rad/s²], shape (N,).
+        """Return the acceleration of the pieces, without smooth speeds [rad/s²], shape (N,).
 
         At a jump it is that of the later piece.
         """
@@ -64,8 +66,8 @@ class Course:
 
     def corners(self) -> Array:
         """Return times [s] between which the speed only grows or only falls."""
-        swinging = [start + swing.corners() for start, swing in self.swings]
-        return np.concatenate([self.times, *swinging])
+        smooth = [start + part.corners() for start, part in self.smooth]
+        return np.concatenate([self.times, *smooth])
 
     def _piece(self, time: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Return at each time: index of the piece, its elapsed share [-], its duration [s]."""
@@ -92,7 +94,7 @@ class TimedSegment(NamedTuple):
 class Command:
     """The commanded speeds of all joints, as functions of time. Planners make motions of them.
 
-    >>> command = Command("spin", 2.0, np.zeros(1), (Course.linear([0, 1, 2], [0, 1, 0]),))
+    >>> command = Command("spin", 2.0, np.zeros(1), (SpeedProfile.linear([0, 1, 2], [0, 1, 0]),))
     >>> command.speeds(np.array([0.5, 1.0]))
     array([[0.5],
            [1. ]])
@@ -104,9 +106,9 @@ class Command:
     """[s]"""
     q0: Array
     """Joint angles at the start [rad], shape (n,)."""
-    joints: tuple[Course, ...]
+    joints: tuple[SpeedProfile, ...]
     """Speed of each joint, base to tip, without alignment."""
-    alignment: tuple[int, Course, SpinGeometry] | None = None
+    alignment: tuple[int, SpeedProfile, SpinGeometry] | None = None
     """Joint index, spin and geometry of the alignment that is added to `joints`, if any."""
     timeline: tuple[TimedSegment, ...] = ()
     """All segments, track after track."""
@@ -114,16 +116,16 @@ class Command:
     @staticmethod
     def of_motion(name: str, motion: Motion) -> Command:
         """Return the command that follows the speeds of a motion."""
-        joints = tuple(Course.linear(motion.time, v) for v in motion.v.T)
+        joints = tuple(SpeedProfile.linear(motion.time, v) for v in motion.v.T)
         return Command(name, motion.duration, motion.q[0], joints)
 
     def corners(self) -> Array:
         """Return growing times [s] between which every speed only grows or only falls."""
-        return np.unique(np.concatenate([course.corners() for course in self.joints]))
+        return np.unique(np.concatenate([joint.corners() for joint in self.joints]))
 
     def speeds(self, time: Array) -> Array:
         """Return the joint speeds [rad/s], shape (N, n), at `time` [s], shape (N,)."""
-        v = np.stack([course.speed(time) for course in self.joints], axis=1)
+        v = np.stack([joint.speed(time) for joint in self.joints], axis=1)
         if self.alignment is not None:
             k, spin, geometry = self.alignment
             v[:, k] += geometry.alignment_speed(spin.speed(time), spin.acceleration(time))
@@ -170,13 +172,13 @@ def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -
 
 def _command(profile: MotionProfile, robot: Robot) -> Command:
     tracks, q0 = _placed_tracks(profile, robot), _start(profile, robot)
-    joints = [Course.linear([0.0, profile.duration], [0.0, 0.0])] * robot.n
+    joints = [SpeedProfile.linear([0.0, profile.duration], [0.0, 0.0])] * robot.n
     alignment, timeline = None, []
     for place, track, places in tracks:
         k, geometry = robot.joint_names.index(track.joints[0]), None
         if track.resultant is not None:
             geometry = _spin(track.resultant, profile, robot, f"{place}.resultant")
-        joints[k], spans = _course(track, places, geometry, q0[k], profile.duration)
+        joints[k], spans = _speed_profile(track, places, geometry, q0[k], profile.duration)
         timeline += spans
         if geometry is not None and geometry.sign != 0:
             aligned = robot.joint_names.index(track.joints[1])
@@ -237,11 +239,11 @@ def _spin(resultant: Resultant, profile: MotionProfile, robot: Robot, where: str
     return spin_geometry(robot, resultant.spin, resultant.align, where)
 
 
-def _course(
+def _speed_profile(
     track: Track, places: list[str], geometry: SpinGeometry | None, angle: float, duration: float
-) -> tuple[Course, list[TimedSegment]]:
+) -> tuple[SpeedProfile, list[TimedSegment]]:
     """Return the speed of a track that starts at `angle` [rad], and its timed segments."""
-    times, speeds, cosine, swings, timeline = [0.0], [0.0], [], [], []
+    times, speeds, cosine, smooth, timeline = [0.0], [0.0], [], [], []
 
     def extend(time: float, speed: float, *, along_cosine: bool = False) -> None:
         nonlocal angle
@@ -270,11 +272,11 @@ def _course(
             )
         for time, speed in steps:
             extend(start + time, speed, along_cosine=segment.blend == "cosine")
-        if isinstance(segment, Swing):
-            swings.append((start, segment))
+        if isinstance(segment, SmoothSpeed):
+            smooth.append((start, segment))
             angle += segment.angle()
         timeline.append(TimedSegment(" + ".join(track.joints), start, times[-1], segment.text()))
-    left, given = duration - times[-1], isinstance(segment, Given)
+    left, given = duration - times[-1], isinstance(segment, PiecewiseLinearSpeed)
     if left < -_TIME_TOLERANCE or (given and left > _TIME_TOLERANCE):
         raise InputError(
             f"ends at {times[-1]:.9g} s, expected {'exactly' if given else 'at most'} "
@@ -289,12 +291,13 @@ def _course(
         )
     if left > _TIME_TOLERANCE:
         extend(duration, 0.0)
-    return Course(np.array(times), np.array(speeds), np.array(cosine), tuple(swings)), timeline
+    profile = SpeedProfile(np.array(times), np.array(speeds), np.array(cosine), tuple(smooth))
+    return profile, timeline
 
 
 def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, where: str) -> None:
     """Refuse a segment that cannot start at a speed [rad/s], and a G beyond the spin's limit."""
-    expected = 0.0 if isinstance(segment, (Turn, Swing)) else segment.start_speed(speed)
+    expected = 0.0 if isinstance(segment, (Turn, SmoothSpeed)) else segment.start_speed(speed)
     if speed != expected:
         raise InputError(
             f"!{type(segment).__name__} starts at a speed of {np.degrees(speed):g} deg/s, "

@@ -1,7 +1,7 @@
 """Segments of motion profiles: the speed of a joint, or the commanded G, over an interval.
 
 A segment consists of pieces from one speed to another, linear or along half a cosine. The angle is
-the sum of (v_i + v_i+1) / 2 times the duration of each piece for both. Swings are added to them.
+the sum of (v_i + v_i+1) / 2 times the duration of each piece for both. Smooth speeds are added.
 """
 
 import itertools
@@ -161,8 +161,8 @@ class Turn(Segment):
         return f"turn {turn}, {self.blend}"
 
 
-class Given(Segment):
-    """A speed given by points, linear between them."""
+class PiecewiseLinearSpeed(Segment):
+    """A speed that is linear between points."""
 
     @abstractmethod
     def points(self) -> list[SpeedStep]:
@@ -178,7 +178,7 @@ class Given(Segment):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Knots(Given):
+class Knots(PiecewiseLinearSpeed):
     """A piecewise-linear speed."""
 
     knots: Some[Values[Number]] = setting(unit="s, rad/s", side="joint")
@@ -202,7 +202,7 @@ class Knots(Given):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampled(Given):
+class Sampled(PiecewiseLinearSpeed):
     """A speed sampled at equal periods, linear between the samples."""
 
     period: Positive = setting(unit="s")
@@ -220,11 +220,11 @@ class Sampled(Given):
         return [(i * self.period, v) for i, v in enumerate(self.speeds)]
 
 
-class Swing(Segment):
+class SmoothSpeed(Segment):
     """A smooth speed from rest to rest, added to that of the pieces."""
 
     end: float
-    """End of the swing since the start of the segment [s]."""
+    """End of the smooth speed since the start of the segment [s]."""
 
     @abstractmethod
     def speed(self, time: Array) -> Array:
@@ -236,15 +236,15 @@ class Swing(Segment):
 
     @abstractmethod
     def angle(self) -> float:
-        """Return the change of the joint angle by the swing [rad]."""
+        """Return the change of the joint angle [rad]."""
 
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
-        """Return a piece of rest; the swing is added to it."""
+        """Return a piece of rest; the smooth speed is added to it."""
         return [(self.end, 0.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Oscillation(Swing):
+class Oscillation(SmoothSpeed):
     """The speed of a sinusoidal angle A sin(2 pi t / T), faded in and out.
 
     v(t) = A (2 pi / T) cos(2 pi t / T) clip(t / fade, 0, 1) clip((end - t) / fade, 0, 1),
@@ -286,7 +286,7 @@ class Oscillation(Swing):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fourier(Swing):
+class Fourier(SmoothSpeed):
     """A sum of harmonics over whole periods.
 
     q(t) - q(0) = sum over l of sine_l sin(2 pi l t / T) + cosine_l (cos(2 pi l t / T) - 1),

@@ -52,8 +52,8 @@ def _write(
     with watch.stage("CSV files"):
         write_reference_motion(results, folder / "reference.csv")
         for name in ("pi", "pi_ctc"):
-            results.axis(name).recording.to_csv(folder / f"axis_{name}.csv")
-            results.coupled(name).recording.to_csv(folder / f"coupled_{name}.csv")
+            results.axis(name).recording.save(folder / f"axis_{name}.csv")
+            results.coupled(name).recording.save(folder / f"coupled_{name}.csv")
     with watch.stage("figures"):
         for name, figure in figures(results).items():
             save_both(figure, folder / name)

@@ -58,8 +58,8 @@ class Drive(Input):
     take both at their next sample. Position loops sample positions when they take them."""
 
     @property
-    def envelope(self) -> Envelope | None:
-        """The torque-speed envelope of n1 and n0; None without them."""
+    def own_envelope(self) -> Envelope | None:
+        """The torque-speed envelope of `n1` and `n0`; None without them."""
         if self.n1 is None or self.n0 is None:
             return None
         n1, n0 = (np.array(speeds, dtype=float) for speeds in (self.n1, self.n0))

@@ -40,8 +40,8 @@ class Envelope:
         apart = np.subtract(self.n0, self.n1, out=np.ones_like(self.n0), where=limited)
         return np.where(limited, 1 / apart, 0.0)
 
-    def left(self, motor_speed: ArrayLike) -> Array:
-        """Return the available share of the driving torque [-], shape (..., n).
+    def available_fraction(self, motor_speed: ArrayLike) -> Array:
+        """Return the available fraction of the driving torque [-], shape (..., n).
 
         Args:
             motor_speed: speed in the direction of the torque [rad/s], shape (..., n).
@@ -65,7 +65,7 @@ class Envelope:
             motor_speed: motor speed [rad/s], shape (..., n).
         """
         w = np.asarray(motor_speed)
-        return -limit * self.left(-w), limit * self.left(w)
+        return -limit * self.available_fraction(-w), limit * self.available_fraction(w)
 
 
 def widened(lower: Array, upper: Array, alleviating_torque: NDArray[Any]) -> tuple[Array, Array]:

@@ -223,7 +223,7 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
 
 def as_driven(robot: Robot, drive: Drive) -> Robot:
     """Return the robot with the envelope of its drive; without one, that of its motors."""
-    own, motors = drive.envelope, robot.envelope
+    own, motors = drive.own_envelope, robot.envelope
     if own is None:
         return robot
     if motors is not None:

@@ -139,13 +139,13 @@ def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, A
     Returns:
         Two arrays of shape (..., n), or (n,) if the limits are constant.
     """
-    limits = envelope(design, speed)
+    limits = motor_limits(design, speed)
     if design.widens_limits:
         return widened(*limits, design.loads.alleviating_torque[newest])
     return limits
 
 
-def envelope(design: Design, speed: Array) -> tuple[Array, Array]:
+def motor_limits(design: Design, speed: Array) -> tuple[Array, Array]:
     """Return lower and upper torque limit of the motors alone, motor side [N m], (..., n)."""
     limit = design.robot.motor_torque_limit
     if design.envelope is None:

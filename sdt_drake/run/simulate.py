@@ -17,6 +17,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from sdt_drake.io.arguments import a_path, finite_number, instance_of, takes
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
@@ -194,7 +195,16 @@ class Recording(Shown):
         check_columns(path, columns, names, expected)
         return Recording(time=time, **{name: columns[name] for name in names})
 
-    to_csv, from_csv = save, load  # the names that motions have, too
+    def to_csv(self, path: str | Path) -> None:
+        """Write a file by the old name of `save`."""
+        renamed("Recording.to_csv", "Recording.save")
+        self.save(path)
+
+    @staticmethod
+    def from_csv(path: str | Path) -> Recording:
+        """Read a file by the old name of `load`."""
+        renamed("Recording.from_csv", "Recording.load")
+        return Recording.load(path)
 
 
 def make_simulator(

@@ -39,7 +39,7 @@ SYMBOLS: Symbols = {
     "multibody_plant": "Multibody\nPlant",
     "pi_speed_controller.command": "1/K_PS",
     "pi_speed_controller.integral": "1/s",
-    "pi_speed_controller.motor_speed": "r",
+    "pi_speed_controller.minus_motor_speed": "r",
     "pi_speed_controller.motor_speed_ref": "r",
     "pi_speed_controller.saturated": "1/K_PS",
     "position_loop": "v_ref +\nK_V (q_ref - q)",

@@ -58,7 +58,7 @@ def pi_speed_controller(
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
     v_ref = add("motor_speed_ref", MatrixGain(np.hstack([zero, r, zero])))
-    minus_v = add("motor_speed", MatrixGain(-np.hstack([zero, r])))
+    minus_v = add("minus_motor_speed", MatrixGain(-np.hstack([zero, r])))
     error = to_integrate = add("speed_error", Adder(2, n))
     builder.ExportInput(v_ref.get_input_port(), "reference")
     builder.ExportInput(minus_v.get_input_port(), "measured")

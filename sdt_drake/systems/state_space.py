@@ -66,7 +66,7 @@ class StateSpace:
             A, B = self.A @ A, self.A @ B + self.B
         return replace(self, A=A, B=B, period=period)
 
-    def fed_back(self, outputs: slice, inputs: slice) -> StateSpace:
+    def close_loop(self, outputs: slice, inputs: slice) -> StateSpace:
         """Return the system with `outputs` connected to `inputs`, which are removed.
 
         None of these inputs may have direct feedthrough to these outputs.
@@ -95,7 +95,7 @@ class StateSpace:
         B, states = np.vstack([self.B, self.D[:n]]), (*self.states, *before)
         return replace(self, A=A, B=B, C=C, states=states)
 
-    def between(self) -> StateSpace:
+    def structurally_minimal(self) -> StateSpace:
         """Return the system with the states on a path from an input to an output, by A, B, C != 0.
 
         All other states are uncontrollable or unobservable.

@@ -114,7 +114,7 @@ def test_angles_of_a_table(desk, good, shown, other):
 def recording(good, desk):
     """A recording of the coupled plant, `run.csv` in the working directory."""
     good("simulate", "../given/coupled.yaml", "--out", "run.csv")
-    return Recording.from_csv(desk / "run.csv")
+    return Recording.load(desk / "run.csv")
 
 
 def test_csv_holds_it_over_time(good, desk, recording, robot):

@@ -28,7 +28,7 @@ SPRINGS = {
 def recorded_run(made, tmp_path, **more):
     """A run as a file, and read again; `more` columns beside it."""
     path = tmp_path / "run.csv"
-    simulate(made).to_csv(path)
+    simulate(made).save(path)
     recorded = read_recording(path, made.robot)
     assert recorded.of_links
     return Recorded(recorded.path, recorded.time, recorded.signals | more, of_links=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sdt_drake.motion import Command, Course, Motion
+from sdt_drake.motion import Command, Motion, SpeedProfile
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot
@@ -18,16 +18,16 @@ INERTIA_1 = (
 A_1 = LIMITS[0] / INERTIA_1  # rad/s²; what joint 1 can do alone
 
 
-def knots(*points) -> Course:
+def knots(*points) -> SpeedProfile:
     """Straight from point to point, each [time s, speed rad/s]."""
-    return Course.linear(*np.transpose(np.array(points, dtype=float)))
+    return SpeedProfile.linear(*np.transpose(np.array(points, dtype=float)))
 
 
-def alone(course: Course, joint: int = 1, joints: int = 4) -> Command:
+def alone(speed: SpeedProfile, joint: int = 1, joints: int = 4) -> Command:
     """One joint as given, the others at rest."""
-    still = knots([0, 0], [course.times[-1], 0])
-    courses = tuple(course if k + 1 == joint else still for k in range(joints))
-    return Command("alone", course.times[-1], np.zeros(joints), courses)
+    still = knots([0, 0], [speed.times[-1], 0])
+    speeds = tuple(speed if k + 1 == joint else still for k in range(joints))
+    return Command("alone", speed.times[-1], np.zeros(joints), speeds)
 
 
 SWING = alone(knots([0, 0], [2, 1], [4, 0]))

@@ -71,7 +71,7 @@ def test_a_joint_that_starts_or_ends_in_motion_is_named_with_its_speed(robot):
 def swing(amplitude, period):
     """10 s of it."""
     oscillation = Oscillation(amplitude=amplitude, period=period, fade=1, end=9)
-    return dataclasses.replace(knots([0, 0], [10, 0]), swings=((0.0, oscillation),))
+    return dataclasses.replace(knots([0, 0], [10, 0]), smooth=((0.0, oscillation),))
 
 
 @pytest.mark.parametrize(

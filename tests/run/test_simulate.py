@@ -52,14 +52,21 @@ def test_recording_has_every_sample_and_the_torques_before_its_update(design, re
 
 
 def test_a_recording_survives_its_csv_and_a_second_run_in_its_diagram(design, recording, tmp_path):
-    recording.to_csv(path := tmp_path / "run.csv")
+    recording.save(path := tmp_path / "run.csv")
     header = path.read_text().partition("\n")[0]
     assert header == ",".join(["time", *(f"{name}_{k}" for name in COLUMNS for k in (1, 2, 3, 4))])
     loop = make_loop(design)
     simulate(loop)
-    for other in (Recording.from_csv(path), simulate(loop)):
+    for other in (Recording.load(path), simulate(loop)):
         for name in ("time", *COLUMNS):
             assert getattr(other, name).tobytes() == getattr(recording, name).tobytes(), name
+
+
+def test_files_of_a_recording_by_their_old_names_warn(recording, tmp_path):
+    with pytest.warns(DeprecationWarning, match=r"Recording\.to_csv is Recording\.save now"):
+        recording.to_csv(path := tmp_path / "run.csv")
+    with pytest.warns(DeprecationWarning, match=r"Recording\.from_csv is Recording\.load now"):
+        np.testing.assert_array_equal(Recording.from_csv(path).q, recording.q)
 
 
 def test_a_loop_behind_its_design_or_scenario_is_simulated_and_warns(designed):

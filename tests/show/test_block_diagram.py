@@ -88,15 +88,17 @@ def test_each_block_and_each_connection_is_there_once():
     picture = walk(make_loop())
 
     paths = [block.path for block in picture.frame.blocks()]
-    pi = ("motor_speed_ref", "motor_speed", "speed_error", "integral", "K_IS", "K_PS", "tau_fb")
+    pi = ["motor_speed_ref", "minus_motor_speed", "speed_error"]
+    pi += ["integral", "K_IS", "K_PS", "tau_fb"]
     assert Counter(paths) == Counter(
         [(name,) for name in ("step_reference", "axis_process", "no_load")]
         + [("pi_speed_controller", name) for name in pi]
     )
     wires = (
-        "step_reference motor_speed_ref, motor_speed_ref speed_error, motor_speed speed_error, "
-        "speed_error integral, integral K_IS, motor_speed K_PS, K_IS tau_fb, K_PS tau_fb, "
-        "tau_fb axis_process, no_load axis_process, axis_process motor_speed"
+        "step_reference motor_speed_ref, motor_speed_ref speed_error, "
+        "minus_motor_speed speed_error, minus_motor_speed K_PS, "
+        "speed_error integral, integral K_IS, K_IS tau_fb, K_PS tau_fb, "
+        "tau_fb axis_process, no_load axis_process, axis_process minus_motor_speed"
     )
     assert wires_of(picture) == Counter(tuple(wire.split()) for wire in wires.split(", "))
 
@@ -128,7 +130,7 @@ def test_minus_stands_at_the_sums():
 
     assert signs_of(picture) == {
         ("motor_speed_ref", "speed_error"): "+",
-        ("motor_speed", "speed_error"): "−",
+        ("minus_motor_speed", "speed_error"): "−",
         ("K_IS", "tau_fb"): "+",
         ("K_PS", "tau_fb"): "−",
     }

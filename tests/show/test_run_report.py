@@ -59,7 +59,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
     given("short.yaml", f"{SHORT}feels: a turn to the right\nillusion: {meant}\n")
     said = good("simulate", RUN, "--out", "report.html").out
     good("simulate", RUN, "--out", "run.csv")
-    recording = Recording.from_csv("run.csv")
+    recording = Recording.load("run.csv")
     assert re.search(r"report.html: \d\.\d MB, all in one file\nreport.html written\n$", said)
     with open_page(desk / "report.html", width=1400) as (page, errors, requests):
         speed, torque, over_speed = (

@@ -136,7 +136,7 @@ def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
     assert printed["controller"] == [expected["controller"]]
     degrees = np.degrees(expected["max_abs_position_error_2"])
     assert printed["largest position error [deg]"][1] == f"{degrees:.3f}"
-    error = np.abs(Recording.from_csv(desk / "row.csv").speed_error).max(axis=0)
+    error = np.abs(Recording.load(desk / "row.csv").speed_error).max(axis=0)
     assert error[1] == expected["max_abs_speed_error_2"] > 0
 
     monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])

@@ -89,7 +89,7 @@ def judge(
         >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
         >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
         >>> design = sdt.design(sdt.load("real_device"), motion=motion)
-        >>> sdt.simulate(design).to_csv("run.csv")
+        >>> sdt.simulate(design).save("run.csv")
         >>> print(sdt.judge("sdt", "run.csv"))
         Judged sdt, below 20 Hz
         joint        torque not explained [%]  without friction [%]

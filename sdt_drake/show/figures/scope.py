@@ -11,7 +11,7 @@ from sdt_drake.io.arguments import chosen_joints, typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
-from sdt_drake.run.motor_torque import arrived, envelope, torque_limits
+from sdt_drake.run.motor_torque import arrived, motor_limits, torque_limits
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.panels import LIMIT, Line, Lines, Panel, over_time, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, joint_title
@@ -112,14 +112,14 @@ def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
     """
     ratio, n = design.robot.gear_ratio[k], design.robot.n
     corners: list[float] = []
-    envelope_ = design.envelope
-    if envelope_ is not None and np.isfinite(envelope_.n0[k]):
-        corners = [sign * w[k] for w in (envelope_.n1, envelope_.n0) for sign in (-1, 1)]
+    envelope = design.envelope
+    if envelope is not None and np.isfinite(envelope.n0[k]):
+        corners = [sign * w[k] for w in (envelope.n1, envelope.n0) for sign in (-1, 1)]
     speed = np.concatenate([ratio * recording.v[:, k], corners])
     torque = np.concatenate([recording.tau[:, k], np.full(len(corners), np.nan)])
     order = np.argsort(speed, kind="stable")
     at = np.repeat(speed[order, None], n, axis=1) / design.robot.gear_ratio
-    lower, upper = (np.broadcast_to(limit, at.shape)[:, k] for limit in envelope(design, at))
+    lower, upper = (np.broadcast_to(limit, at.shape)[:, k] for limit in motor_limits(design, at))
     return Panel(
         joint_title(k, design.robot.joint_names[k]),
         "motor speed [rad/s]",
