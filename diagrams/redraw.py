@@ -12,7 +12,7 @@ The figures of the two shipped studies, monte_carlo and sizing, are drawn from t
 folder --studies, by default those here. To run them again takes about a quarter of an hour each on
 two cores:
 
-    sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out studies/monte_carlo
+    sdt-drake study run package://sdt/studies/monte_carlo.yaml --workers 2 --out studies/monte_carlo
     sdt-drake size package://sdt/studies/sizing.yaml --workers 2 --out studies/sizing
 """
 

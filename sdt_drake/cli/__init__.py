@@ -1,11 +1,26 @@
 """The commands of `sdt-drake`, one module each.
 
-The docstring of the module's `run` is the help text, its parameters are the options.
+The docstring of the module's `run` is the help text, its parameters are the options. Subcommands
+are further functions of the module.
 """
 
-COMMANDS = (
-    "reproduce", "report", "init", "scenarios", "motions", "plan", "export", "tune", "step",
-    "simulate", "compare", "pilot", "excite", "identify", "replay", "view", "budget", "bode",
-    "stability", "study", "size", "learn", "fly", "diagram", "reference", "docs",
-)  # fmt: skip
+GROUPS = {
+    "Start": ("reproduce", "init", "scenarios", "docs", "reference"),
+    "Simulate": ("simulate", "compare", "view", "diagram"),
+    "Control": ("tune", "step", "bode", "stability", "budget"),
+    "Motion and pilot": ("plan", "motions", "pilot", "fly"),
+    "Real machine": ("excite", "identify", "judge", "replay", "learn", "export"),
+    "Many runs": ("study", "size", "report"),
+}
+"""The names of the commands by their job, most used first, as in --help."""
+
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 """The names of the commands, in the order of --help."""
+
+SUBCOMMANDS = {
+    "pilot": ("validate", "people"),
+    "learn": ("update",),
+    "export": ("fmu",),
+    "study": ("run", "show", "repeat"),
+}
+"""The names of subcommands by their command. `study` has no other form."""

@@ -10,11 +10,15 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Group, Parameter
 
 import sdt_drake
-from sdt_drake.cli import COMMANDS
+from sdt_drake.cli import COMMANDS, GROUPS, SUBCOMMANDS
+from sdt_drake.cli.old_forms import modern
 from sdt_drake.cli.printing import bar, console, stop_printing
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs
@@ -37,7 +41,10 @@ _MAX_LINE = 1000  # characters of a printed error
 
 
 def commands(name: str = "") -> App:
-    """Make the app with its commands; import them all at once unless `name` is one of them."""
+    """Make the app with its commands, and import those that the first word `name` needs.
+
+    An option such as --help needs none, and "" needs all.
+    """
     from cyclopts.help import DefaultFormatter, PanelSpec
     from rich.box import ROUNDED, SIMPLE
 
@@ -47,20 +54,46 @@ def commands(name: str = "") -> App:
         help=_HELP,
         version=f"sdt-drake {sdt_drake.__version__}",
         help_format="plaintext",  # Markdown would add a fifth to the time of --help
+        group_commands=Group("Options", sort_key=len(GROUPS)),
         console=console,
         help_formatter=DefaultFormatter(panel_spec=PanelSpec(box=box)),
         default_parameter=Parameter(negative=()),
         exit_on_error=False,
         print_error=False,
     )
-    for k, command in enumerate(COMMANDS):
-        path = f"sdt_drake.cli.{command}:run"
-        app.command(path, name=command, sort_key=k, help_format="markdown")
-        if name not in (*COMMANDS, "--version"):
-            app[command]  # imports it, for its line in --help
+    for k, (job, names) in enumerate(GROUPS.items()):
+        group = Group(job, sort_key=k)
+        for order, command in enumerate(names):
+            _add(app, command, name, group=group, sort_key=order)
     if name not in COMMANDS:
         app.register_install_completion_command(help=_COMPLETION)
     return app
+
+
+def _add(app: App, command: str, name: str, **place: Any) -> None:
+    """Add a command to the app of `commands(name)`, and its subcommands."""
+    module = f"sdt_drake.cli.{command}"
+    line = _line(command) if name.startswith("-") else None
+    if command not in SUBCOMMANDS:
+        kept = {**place, "help": line, "help_format": "markdown"}
+        app.command(f"{module}:run", name=command, **kept)
+        return
+    has_default = "run" not in SUBCOMMANDS[command] and name in (command, "")
+    line = None if has_default else _line(command)
+    own = App(name=command, help=line, help_format="markdown", group_commands="Commands", **place)
+    for sub in SUBCOMMANDS[command]:
+        own.command(f"{module}:{sub}", name=sub, help_format="markdown")
+        if name in (command, ""):
+            own[sub]  # imports it, for its line in --help
+    if has_default:
+        own.default(import_module(module).run)
+    app.command(own)
+
+
+def _line(command: str) -> str:
+    """Return the first line of a command's help from its file, without an import."""
+    text = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
+    return text.partition("\ndef run(")[2].partition('"""')[2].partition("\n")[0]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,16 +105,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     _prepare_streams()
+    words, old = modern([text for text in arguments if text != "--traceback"])
     code = 0
     lines: Sequence[str] = ()
     bar.begin()
     try:
         with watching(bar.report):
-            code = _run([text for text in arguments if text != "--traceback"])
+            code = _run(words)
     except KeyboardInterrupt:
         code = INTERRUPTED
     except CycloptsError as error:
-        prog = " ".join(["sdt-drake", *(name for name in arguments[:1] if name in COMMANDS)])
+        prog = " ".join(["sdt-drake", *_command_of(words)])
         text = f"{error}"
         text = text if text.endswith("...") else text.removesuffix(".")
         code, lines = BAD_INPUT, [f"{text} (see {prog} --help)"]
@@ -97,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         fault = f"internal error, {type(error).__name__} ({error})"
         where = f"sdt-drake {shlex.join(arguments)}; add --traceback to see where"
         code, lines = FAULT, [f"{fault}, in: {where}"]
-    for line in lines:
+    for line in (*lines, *[old] * (old != "" and not lines)):
         _print_error(line)
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -106,6 +140,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except OSError:
             stop_printing(stream)
     return code
+
+
+def _command_of(arguments: Sequence[str]) -> list[str]:
+    """Return the names of command and subcommand in a command line."""
+    names = [name for name in arguments[:1] if name in COMMANDS]
+    return names + [x for x in arguments[1:2] if x in SUBCOMMANDS.get(arguments[0], ())]
 
 
 def _run(arguments: Sequence[str]) -> int:

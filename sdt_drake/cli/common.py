@@ -136,6 +136,7 @@ Out = Annotated[Path | None, Parameter(converter=_path)]
 Flag = Annotated[bool, Parameter(show_default=False)]
 Show = Annotated[bool, Parameter(show_default=False, help="open the figure on the screen")]
 OmegaR = Annotated[float | None, number(gt=0)]
+Cutoff = Annotated[float | None, number(gte=0.1, lte=1000)]
 Columns = Annotated[
     str | None,
     Parameter(metavar="FILE", help="YAML file with the names of the columns"),

@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import sdt_drake
-from sdt_drake.cli import COMMANDS
+from sdt_drake.cli import COMMANDS, SUBCOMMANDS
 from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError
 
@@ -55,7 +55,8 @@ def pages(topic: str | None) -> list[str]:
 
     places: dict[str, list[str]] = {}
     for name in COMMANDS:
-        places[name] = [f"reference/commands#sdt-drake-{name}"]
+        for words in (name, *(f"{name} {sub}" for sub in SUBCOMMANDS.get(name, ()))):
+            places[words] = [f"reference/commands#sdt-drake-{words.replace(' ', '-')}"]
     for kind, make in TOPICS.items():
         page = f"reference/files/{kind}"
         places.setdefault(kind, []).append(page)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Target, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Scenario, Target, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
@@ -22,16 +22,16 @@ def run(
     motion: Annotated[str, one_of("scenario", "motion", name="SCENARIO|MOTION")] = common.MOTION,
     /,
     *,
-    drive: Annotated[str | None, one_of("drives")] = None,
+    drive: Annotated[str, one_of("drives")],
     out: Target = Path("exported"),
-    fmu: Out = None,
-    fmu_input: Literal["torque", "reference"] = "torque",
     scenario: Annotated[str | None, one_of("scenario")] = None,
     cam_points: Annotated[Whole, number(gte=2)] = 1000,
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Write a motion as the files that drives and robot controllers read, or a loop as an FMU.
+    """Write a motion as the files that drives and robot controllers read.
+
+    `export fmu` writes the loop of a scenario as an FMU for other simulators.
 
     example: sdt-drake export graveyard_spin --drive drives --out exported
 
@@ -40,9 +40,6 @@ def run(
         drive: file with encoders, signs, rated torques, units and cycle of the drives; `drives`
             is an example
         out: folder for the files
-        fmu: write the loop of a SCENARIO as an FMU (FMI 2, .fmu) for other simulators, in place
-            of files for drives; the simulator needs a Python with sdt_drake
-        fmu_input: input of the FMU: torques, or the reference (needs inverse_dynamics: online)
         scenario: for a motion: the scenario of its robot, its planner, and the loop that plays
             the files back (default: training: the shipped device, position loops, torque
             feedforward)
@@ -54,11 +51,6 @@ def run(
     from sdt_drake.run.design import make_design
     from sdt_drake.run.scenario import load_scenario
 
-    if fmu is not None:
-        common.refuse("has no effect with --fmu", drive=drive, scenario=scenario)
-        return _write_fmu(motion, changes, fmu, fmu_input)
-    if drive is None:
-        raise InputError("--drive: missing, expected a file with data of the drives, or --fmu")
     common.check_folder(out, FILES)
     source, changed = motion, dict(changes)
     if not common.is_scenario(source):
@@ -93,13 +85,31 @@ def run(
     _print_read_back(design, fed, cam_points)
 
 
-def _write_fmu(scenario: str, changes: Changes, path: Path, inputs: str) -> None:
+def fmu(
+    scenario: Scenario,
+    /,
+    *,
+    out: Target = Path("loop.fmu"),
+    input: Literal["torque", "reference"] = "torque",
+    changes: Changes = (),
+    trust: Trust = False,
+) -> None:
+    """Write the loop of a scenario as an FMU (FMI 2) for other simulators.
+
+    The simulator needs a Python with sdt_drake.
+
+    example: sdt-drake export fmu coupled_pi --out loop.fmu
+
+    Args:
+        out: file for the FMU (.fmu)
+        input: input of the FMU: torques, or the reference (needs inverse_dynamics: online)
+    """
     from sdt_drake.machine.fmu import write_fmu
 
-    common.check_file(path, (".fmu",))
+    common.check_file(out, (".fmu",))
     design = common.design_of(scenario, changes)
-    write_fmu(design, path, inputs)
-    echo(f"{path} written: the loop of {scenario} with the {inputs} as input")
+    write_fmu(design, out, input)
+    echo(f"{out} written: the loop of {scenario} with the {input} as input")
     echo(
         f"It starts at rest, takes steps in multiples of {1e3 * design.reference.period:g} ms and "
         "needs a Python with sdt_drake."

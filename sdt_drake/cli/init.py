@@ -16,12 +16,12 @@ from sdt_drake.io.resources import models_dir
 _STARTER = Path(__file__).with_name("starter")
 
 _NEXT = """
-sdt-drake simulate scenario.yaml --out run.png     errors of the joints
-sdt-drake view scenario.yaml --record run.html     the device in 3D, in the browser
-sdt-drake tune scenario.yaml                       inertia and controller gains
-sdt-drake pilot scenario.yaml                      motion that the pilot feels
-sdt-drake plan motion.yaml --robot robot.sdf       torques and speeds of the motors
-sdt-drake study study.yaml --workers 2 --out mc    many devices; needs sdt_drake[study]
+sdt-drake simulate scenario.yaml --out run.png        errors of the joints
+sdt-drake view scenario.yaml --record run.html        the device in 3D, in the browser
+sdt-drake tune scenario.yaml                          inertia and controller gains
+sdt-drake pilot scenario.yaml                         motion that the pilot feels
+sdt-drake plan motion.yaml --robot robot.sdf          torques and speeds of the motors
+sdt-drake study run study.yaml --workers 2 --out mc   many devices; needs sdt_drake[study]
 
 Edit the files, or change single fields: --set controller.kind=pi
 All fields of all files: sdt-drake reference"""
@@ -35,7 +35,7 @@ _NEXT_OF_OWN = (
     ("excite {robot} --out excite.yaml", "a motion to identify masses and friction"),
     ("simulate scenario.yaml --out run.csv", "a simulated recording for the next command"),
     ("identify {robot} run.csv --columns columns.yaml --out found", "the identified robot"),
-    ("study study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
+    ("study run study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
 )
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Out, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Columns, Flag, Target, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import echo, print_document_table, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, replacing_files
@@ -24,69 +25,102 @@ if TYPE_CHECKING:
     Checked = Callable[[Design], tuple[LearningFilter, list[Convergence]]]
 
 _FLIGHTS, _DRAWS = 5, 20
-_Count = Annotated[Whole | None, number(gte=1, lte=1000)]
+_Count = Annotated[Whole, number(gte=1, lte=1000)]
+_Of = Annotated[
+    Literal["reference", "torque"],
+    Parameter(
+        help="signal to learn: a change of the reference, or a torque feedforward (only its quick "
+        "changes, unless the scenario has held_speed: mean)"
+    ),
+]
+_Bandwidth = Annotated[
+    float | None,
+    Parameter(
+        metavar="HZ",
+        help="frequency up to which errors are learned (default: as far as the controller's model "
+        "is trusted)",
+    ),
+]
+_Study = Annotated[
+    str | None,
+    one_of(
+        "study",
+        help="study with the uncertainty of the device; learning must converge for its devices",
+    ),
+]
+_Draws = Annotated[
+    Whole | None,
+    number(gte=1, lte=1000),
+    Parameter(help="largest number of the study's devices to check (default: 20)"),
+]
 
 
 def run(
-    scenario: Annotated[str | None, one_of("scenario")] = None,
+    scenario: Annotated[str, one_of("scenario")],
     /,
     *,
-    flights: _Count = None,
-    of: Literal["reference", "torque"] = "reference",
-    bandwidth: Annotated[float | None, Parameter(metavar="HZ")] = None,
-    study: Annotated[str | None, one_of("study")] = None,
-    draws: _Count = None,
+    flights: _Count = _FLIGHTS,
+    of: _Of = "reference",
+    bandwidth: _Bandwidth = None,
+    study: _Study = None,
+    draws: _Draws = None,
     all: Flag = False,
-    recording: Annotated[
-        list[str] | None, Parameter(metavar="FLIGHT.csv", consume_multiple=True)
-    ] = None,
-    motion: Annotated[str | None, one_of("motion")] = None,
-    columns: Annotated[str | None, Parameter(metavar="FILE")] = None,
-    state: Annotated[Out, Parameter(metavar="DIR")] = None,
-    out: Out = None,
+    out: Target = Path("learned"),
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
     """Fly a motion several times and learn a better reference from its errors.
 
+    The flights are simulated; `learn update` learns from recordings of the real machine.
+
     example: sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned
 
     Args:
-        scenario: shipped name or .yaml file; with --recording only for the first recording
-        flights: largest number of flights, the first included (default: 5)
-        of: signal to learn: a change of the reference, or a torque feedforward (only its quick
-            changes, unless the scenario has held_speed: mean)
-        bandwidth: frequency up to which errors are learned (default: as far as the controller's
-            model is trusted)
-        study: study with the uncertainty of the device; learning must converge for its devices
-        draws: largest number of the study's devices to check (default: 20)
+        scenario: shipped name or .yaml file
+        flights: largest number of flights, the first included
         all: fly all flights, even if another flight would not improve the result
-        recording: one or more recordings of the real machine flying the last reference; they
-            replace the simulated flights and give one step of learning
-        motion: motion that was flown (shipped name or file), for a check
-        columns: YAML file with the names of the recordings' columns, as in `identify`
-        state: folder that keeps the learned state, with --recording
-        out: folder for the learned reference, a scenario with it, and a report (default: learned)
+        out: folder for the learned reference, a scenario with it, and a report
     """
+    checked = _checked(of, bandwidth, study, draws)
+    _simulated(out, scenario, changes, flights, not all, checked)
+
+
+def update(
+    state: Annotated[Target, Parameter(name="STATE")],
+    recordings: Annotated[list[str], Parameter(name="RECORDING")],
+    /,
+    *,
+    scenario: Annotated[str | None, one_of("scenario")] = None,
+    motion: Annotated[str | None, one_of("motion")] = None,
+    columns: Columns = None,
+    of: _Of = "reference",
+    bandwidth: _Bandwidth = None,
+    study: _Study = None,
+    draws: _Draws = None,
+    changes: Changes = (),
+    trust: Trust = False,
+) -> None:
+    """Learn the next reference from recordings of the real machine flying the last one.
+
+    example: sdt-drake learn update state run_1.csv --scenario my_machine.yaml
+
+    Args:
+        state: folder that keeps the learned state
+        recordings: one or more recordings of a flight
+        scenario: scenario of the first flight; the state keeps it for the next ones
+        motion: motion that was flown (shipped name or file), for a check
+    """
+    checked = _checked(of, bandwidth, study, draws)
+    _from_recordings(state, recordings, scenario, changes, motion, columns, checked)
+
+
+def _checked(of: str, bandwidth: float | None, study: str | None, draws: int | None) -> Checked:
+    """Return the function that designs and checks the learning filter of a design."""
     if not study:
         common.refuse("has an effect with --study only", draws=draws)
-
-    def checked(design: Design) -> tuple[LearningFilter, list[Convergence]]:
-        return _checked_filter(design, of, bandwidth, study or None, draws or _DRAWS)
-
-    if recording:
-        why = "has no effect with --recording"
-        common.refuse(why, flights=flights, all=all, out=out)
-        if state is None:
-            raise InputError("--state: missing, expected the folder that keeps the learned state")
-        _from_recordings(state, recording, scenario, changes, motion, columns, checked)
-        return
-    why = "has an effect with --recording only"
-    common.refuse(why, motion=motion, columns=columns, state=state)
-    if scenario is None:
-        raise InputError("SCENARIO: missing, expected a scenario to fly")
-    folder = out or Path("learned")
-    _simulated(folder, scenario, changes, flights or _FLIGHTS, not all, checked)
+    return partial(
+        _checked_filter, of=of, bandwidth=bandwidth, study=study or None, draws=draws or _DRAWS
+    )
 
 
 def _simulated(
@@ -135,7 +169,7 @@ def _simulated(
 
 
 def _checked_filter(
-    design: Design, of: str, bandwidth: float | None, study: str | None, draws: int
+    design: Design, *, of: str, bandwidth: float | None, study: str | None, draws: int
 ) -> tuple[LearningFilter, list[Convergence]]:
     """Design the learning filter, print its convergence, and return both.
 
@@ -180,17 +214,17 @@ def _from_recordings(
 
     common.check_folder(folder)
     if len({Path(path).resolve() for path in paths}) < len(paths):
-        raise InputError("--recording: the same file twice, expected different recordings")
+        raise InputError("RECORDING: the same file twice, expected different recordings")
     known = count_flights(folder)
     with alone_in(folder, lambda: echo(f"{folder}: waiting for another sdt-drake learn to end")):
         own = folder / SCENARIO
         if own.exists() == (scenario is not None):
             text = (
-                f"contains the scenario already, {SCENARIO}; leave out SCENARIO"
+                f"contains the scenario already, {SCENARIO}; leave out --scenario"
                 if scenario
-                else "is new, expected a SCENARIO"
+                else "is new, expected a --scenario"
             )
-            raise InputError(f"--state {folder}: {text}")
+            raise InputError(f"{folder}: {text}")
         if scenario is None:
             why = f"{folder} contains the scenario, {SCENARIO}, which must not change"
             common.refuse(why, changes=changes)

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, Trust, Whole, number, one_of
+from sdt_drake.cli.common import (
+    Changes,
+    Motion,
+    OtherRobot,
+    Out,
+    Show,
+    Trust,
+    Whole,
+    number,
+    one_of,
+)
 from sdt_drake.cli.printing import echo, echo_wrapped, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
@@ -24,16 +34,22 @@ if TYPE_CHECKING:
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 
+Gains = Annotated[
+    str,
+    one_of(
+        "perception model",
+        name="--model",
+        help="parameter set of the perception model: shipped name or YAML file",
+    ),
+]
+
+
 def run(
-    scenario: Annotated[
-        str | None, one_of("scenario", "motion", name="SCENARIO|RECORDING|MOTION")
-    ] = None,
+    scenario: Annotated[str, one_of("scenario", name="SCENARIO|RECORDING")],
     /,
     *,
-    validate: Flag = False,
-    pilots: Annotated[Whole | None, number(gte=1, lte=100_000)] = None,
     robot: OtherRobot = None,
-    gains: Annotated[str, one_of("perception model", name="--model")] = "clark2019",
+    gains: Gains = "clark2019",
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
@@ -41,15 +57,12 @@ def run(
 ) -> None:
     """Predict the pilot's perception of a motion, and of the controller's errors.
 
+    `pilot people` tells how many pilots feel an illusion, `pilot validate` how good the models are.
+
     example: sdt-drake pilot coupled_pi --out pilot.png
 
     Args:
-        validate: compare the perception model with published reports of people, and print its
-            predictions for the training motions
-        pilots: number of pilots with different parameters; print how many of them are predicted
-            to feel the illusion of a MOTION
         scenario: scenario to run, or a recording that `simulate` wrote (.csv, .mat, .parquet)
-        gains: parameter set of the perception model: shipped name or YAML file
         out: CSV file for the perception over time, or file for a figure of it (.png, .svg, .pdf)
     """
     import numpy as np
@@ -59,15 +72,6 @@ def run(
     from sdt_drake.pilot.observer import load_perception
     from sdt_drake.pilot.orientation import CAUTION
 
-    if validate or scenario is None:
-        if scenario is not None or not validate:
-            raise InputError("expected either a scenario, a recording, or --validate")
-        common.refuse("has no effect with --validate", out=out, show=show, changes=changes)
-        common.refuse("has no effect with --validate, expected a MOTION", pilots=pilots)
-        return _validate(robot or common.ROBOT)
-    if pilots is not None:
-        common.refuse("has no effect with --pilots", out=out, show=show, changes=changes)
-        return _share(scenario, robot or common.ROBOT, gains, pilots)
     common.check_out(out, show, [".csv"])
     perception = load_perception(gains)
     name, recording, model, story = _recorded(scenario, robot, changes)
@@ -110,21 +114,26 @@ def run(
     )
 
 
-def _validate(robot: str) -> None:
-    """Print predictions of the shipped parameter sets beside published reports of people."""
+def validate(*, robot: OtherRobot = None) -> None:
+    """Compare the perception models with published reports of people.
+
+    Their predictions for the training motions are printed, too.
+
+    example: sdt-drake pilot validate
+    """
+    from sdt_drake.pilot import reported
     from sdt_drake.pilot.head import check_head
     from sdt_drake.pilot.illusions import intended_illusions
     from sdt_drake.pilot.orientation import CAUTION
-    from sdt_drake.pilot.reported import LEGEND, validate, verdict_of_all
     from sdt_drake.show.reports.perception import intended_table, reported_notes, reported_table
 
-    model = sdt.load_robot(robot)
+    model = sdt.load_robot(robot or common.ROBOT)
     check_head(model)
-    rows = validate()
-    echo_wrapped(verdict_of_all(rows), "")
+    rows = reported.validate()
+    echo_wrapped(reported.verdict_of_all(rows), "")
     echo()
     print_document_table(reported_table(rows))
-    echo_wrapped(LEGEND, "")
+    echo_wrapped(reported.LEGEND, "")
     echo()
     for note in reported_notes(rows):
         echo_wrapped(note, "- ")
@@ -135,8 +144,21 @@ def _validate(robot: str) -> None:
     echo_wrapped(CAUTION, "")
 
 
-def _share(motion: str, robot: str, gains: str, count: int) -> None:
-    """Print how many of `count` pilots are predicted to feel the illusion of a motion."""
+def people(
+    motion: Motion,
+    /,
+    *,
+    pilots: Annotated[Whole, number(gte=1, lte=100_000)] = 100,
+    robot: OtherRobot = None,
+    gains: Gains = "clark2019",
+) -> None:
+    """Predict how many of different pilots feel the illusion of a motion.
+
+    example: sdt-drake pilot people graveyard_spin --pilots 200
+
+    Args:
+        pilots: number of pilots with different parameters
+    """
     import numpy as np
 
     from sdt_drake.pilot.head import check_head
@@ -144,10 +166,10 @@ def _share(motion: str, robot: str, gains: str, count: int) -> None:
     from sdt_drake.pilot.orientation import CAUTION
     from sdt_drake.pilot.pilots import differences, feelings
 
-    model = sdt.load_robot(robot)
+    model = sdt.load_robot(robot or common.ROBOT)
     check_head(model)
     head = planned_head(motion, model)
-    for own in feelings(illusion_of(motion), head, PERIOD, gains, count):
+    for own in feelings(illusion_of(motion), head, PERIOD, gains, pilots):
         unit = unit_of(own.quantity)
         low, middle, high = np.percentile(own.errors, [5, 50, 95])
         echo_wrapped(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Trust, Whole, one_of
+from sdt_drake.cli.common import Changes, Out, Target, Trust, Whole, one_of
 from sdt_drake.cli.printing import bar, echo, errors, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 
@@ -30,75 +30,39 @@ Cluster = Annotated[
 ]
 Resume = Annotated[bool, Parameter(show_default=False, help="finish the study in the folder")]
 
-_USAGE = (
-    "sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume] "
-    "[--set FIELD=VALUE], sdt-drake study show DIR [--out DIR_OF_PAGE] "
-    "or sdt-drake study repeat DIR --row N [--out FILE.csv]"
-)
+Folder = Annotated[Target, Parameter(name="DIR", help="folder of the study")]
 
 
 def run(
-    what: Annotated[list[str], one_of("study", name="STUDY")],
+    study: Annotated[str, one_of("study")],
     /,
     *,
     out: Out = None,
     workers: Workers = None,
     cluster: Cluster = None,
     resume: Resume = False,
-    row: Annotated[Whole | None, Parameter(metavar="N")] = None,
     changes: Changes = (),
     trust: Trust = False,
 ) -> int:
-    """Run many variants of a scenario, show the results, or repeat one of the runs.
+    """Run many variants of a scenario.
 
-    `show DIR` writes a report of the study in DIR, `repeat DIR --row N` runs one of its rows again.
-
-    example: sdt-drake study monte_carlo --workers 2 --out mc
+    example: sdt-drake study run monte_carlo --workers 2 --out mc
 
     Args:
-        what: shipped name or .yaml file of a study; or `show DIR`, or `repeat DIR`
-        out: folder for the study (default: its name) or the report, or file for the repeated run
-        row: row of the run to repeat, from 0
+        study: shipped name or .yaml file of a study
+        out: folder for the study (default: its name)
     """
-    unused = f"has no effect here, expected {_USAGE}"
-    match what:
-        case ["show" | "repeat" as task, folder]:
-            common.refuse(unused, workers=workers, cluster=cluster, resume=resume, changes=changes)
-            if task == "show":
-                common.refuse(unused, row=row)
-                show(Path(folder), out)
-            else:
-                repeat(Path(folder), row, out)
-            return 0
-        case [path] if path not in ("show", "repeat"):
-            common.refuse(unused, row=row)
-            return run_file(path, out, workers, cluster, resume, changes)
-        case _:
-            raise InputError(f"study: '{' '.join(what)}', expected {_USAGE}")
 
-
-# --- run -------------------------------------------------------------------------------------
-
-
-def run_file(
-    path: str,
-    out: Path | None,
-    workers: int | None,
-    cluster: str | None,
-    resume: bool,
-    changes: Changes,
-) -> int:
-    """Run the study of a file and return the exit code."""
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
     with common.naming_changes(changes):
-        study, base = load_study(path, dict(changes))
-    folder = out or Path(study.name)
-    results = run_into(folder, study, base, workers, cluster, resume)
+        loaded, base = load_study(study, dict(changes))
+    folder = out or Path(loaded.name)
+    results = run_into(folder, loaded, base, workers, cluster, resume)
     table = read_study_table(folder)
-    echo(study_summary(study.name, table))
+    echo(study_summary(loaded.name, table))
     echo(f"{results} written; next: sdt-drake study show {shlex.quote(str(folder))}")
     return 0 if table.status.isin(ANSWERS).any() else FAILED
 
@@ -176,15 +140,29 @@ class Progress:
 # --- repeat and show -------------------------------------------------------------------------
 
 
-def repeat(folder: Path, row: int | None, out: Path | None) -> None:
+def repeat(
+    folder: Folder,
+    /,
+    *,
+    row: Annotated[Whole, Parameter(metavar="N")],
+    out: Out = None,
+) -> None:
+    """Repeat one of a study's runs exactly.
+
+    example: sdt-drake study repeat mc --row 47 --out row47.csv
+
+    Args:
+        row: row of the run, from 0
+        out: CSV file for the recording
+    """
     from sdt_drake.show.reports.study import cell, outcome_tables
     from sdt_drake.studies.folder import load_runner
     from sdt_drake.studies.store import Store
 
     runner, names, other = load_runner(folder)
     study = runner.study
-    if row is None or not 0 <= row < len(study):
-        raise InputError(f"study repeat: --row {row}, expected 0 to {len(study) - 1}")
+    if not 0 <= row < len(study):
+        raise InputError(f"{row}, expected 0 to {len(study) - 1}", place="--row")
     if out is not None:
         common.check_file(out, [".csv"])
     with Store(folder) as store:
@@ -202,7 +180,14 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
         echo(f"{out} written")
 
 
-def show(folder: Path, out: Path | None) -> None:
+def show(folder: Folder, /, *, out: Out = None) -> None:
+    """Print the results of a study, and write a report of them.
+
+    example: sdt-drake study show mc
+
+    Args:
+        out: folder for the report (default: that of the study)
+    """
     from sdt_drake.show.reports.study import write_study_report
     from sdt_drake.studies.results import read_study_table
 

@@ -13,7 +13,7 @@ import yaml
 from command_line import ARM, AXIS, RUN, SDF, SHORT_MOTION, is_one_line
 from pydrake.systems.analysis import Simulator
 
-from sdt_drake.cli import COMMANDS
+from sdt_drake.cli import COMMANDS, SUBCOMMANDS
 from sdt_drake.cli.app import commands
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.tables import write_table
@@ -51,7 +51,7 @@ def crowded(desk):
     ("line", "word"),
     [
         ("", "COMMAND"),
-        ("explode", "reproduce, report, init"),
+        ("explode", "reproduce, init, scenarios"),
         ("simulat", 'Did you mean "simulate"?'),
         ("simulate", "SCENARIO"),
         ("plan --wide", "--wide (see sdt-drake plan --help)"),
@@ -93,39 +93,43 @@ def times(folder):
 
 
 POSITIONAL = {
-    "plan": SHORT_MOTION, "export": SHORT_MOTION, "tune": SHORT_MOTION, "pilot": RUN,
-    "excite": "sdt", "identify": "sdt all.csv", "replay": f"all.csv {RUN}", "view": RUN,
-    "study": "monte_carlo", "init": "new", "size": "sizing", "learn": RUN,
+    "plan": SHORT_MOTION, "export": f"{SHORT_MOTION} --drive drives", "export fmu": RUN,
+    "tune": SHORT_MOTION, "pilot": RUN, "pilot people": "post_roll", "excite": "sdt",
+    "identify": "sdt all.csv", "judge": "sdt all.csv", "replay": f"all.csv {RUN}", "view": RUN,
+    "study run": "monte_carlo", "study show": "mc", "study repeat": "mc --row 0", "init": "new",
+    "size": "sizing", "learn": RUN, "learn update": f"s all.csv --scenario {RUN}",
     "fly": "sdt turn --out flown",
     **dict.fromkeys(("simulate", "compare", "bode", "diagram"), RUN),
     **dict.fromkeys(("budget", "stability"), AXIS),
 }  # fmt: skip
 """What each command is about."""
-ONLY_WITH = {
-    ("identify", "--payload"): "--only payload",
-    ("export", "--scenario"): "--drive drives",
-    ("export", "--cam-points"): "--drive drives",
-    ("export", "--fmu-input"): "--fmu loop.fmu",
-    ("learn", "--recording"): "--state s",
-}
-"""Other options without which an option is of no use."""
+EVERY = [
+    name
+    for command in COMMANDS
+    for name in (command, *(f"{command} {sub}" for sub in SUBCOMMANDS.get(command, ())))
+    if name != "study"  # has subcommands alone
+]
 NONSENSE = "non\nsense"
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+def options_of(name):
+    """All options of a command or subcommand, from its signature."""
+    app = commands(name.split()[0])
+    for word in name.split():
+        app = app[word]
+    names = [x for argument in app.assemble_argument_collection() for x in argument.names]
+    found = {x for x in names if x.startswith("--") and not x.startswith(("--no-", "--empty-"))}
+    assert found or name in ("report", "scenarios")
+    return sorted(found)
+
+
+@pytest.mark.parametrize("name", EVERY)
 def test_every_option_refuses_nonsense(name, call, crowded, nothing_simulated):
     before = times(crowded.parent)
-    options = {
-        option
-        for argument in commands(name)[name].assemble_argument_collection()
-        for option in argument.names
-        if option.startswith("--") and not option.startswith(("--no-", "--empty-"))
-    }
-    assert options or name in ("report", "scenarios")
-    for option in options:
-        others = f"{POSITIONAL.get(name, '')} {ONLY_WITH.get((name, option), '')}".split()
+    for option in options_of(name):
+        others = POSITIONAL.get(name, "").split()
         kept = [x for k, x in enumerate(others) if option not in (x, *others[max(k - 1, 0) : k])]
-        done = call(name, *kept, f"{option}={NONSENSE}")
+        done = call(*name.split(), *kept, f"{option}={NONSENSE}")
         assert (done.code, done.out) == (2, "") and is_one_line(done.err), (option, done)
         assert option in done.err or "sense" in done.err, (option, done.err)
     assert times(crowded.parent) == before

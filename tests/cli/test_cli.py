@@ -16,6 +16,7 @@ import sdt_drake
 from sdt_drake.cli import COMMANDS, printing
 from sdt_drake.cli import app as cli
 from sdt_drake.cli.common import deliver
+from sdt_drake.cli.old_forms import modern
 
 
 def test_help_lists_all_commands_and_version(good):
@@ -72,6 +73,38 @@ def test_what_drake_says_of_a_robot_is_one_line(tmp_path):
     """Its parser logs by itself, past Python's stderr: only a process of its own shows it."""
     (tmp_path / "bad.sdf").write_text(SDF.replace("<parent>arm</parent>", "<parent>leg</parent>"))
     refused(program("plan", "--robot", "bad.sdf", cwd=tmp_path), "bad.sdf", "leg")
+
+
+OLD = {
+    "identify --judge sdt f.yaml a.csv b.csv --cutoff 8":
+        "judge sdt a.csv b.csv --cutoff 8 --friction f.yaml",
+    "identify sdt --judge a.csv": "judge sdt a.csv",
+    "pilot --validate --robot arm.sdf": "pilot validate --robot arm.sdf",
+    "pilot leans --pilots=20 --model slow_yaw": "pilot people leans --pilots 20 --model slow_yaw",
+    "export coupled_pi --fmu loop.fmu --fmu-input reference --set a=b":
+        "export fmu coupled_pi --out loop.fmu --input reference --set a=b",
+    "learn m.yaml --recording a.csv b.csv --state s --of torque":
+        "learn update s a.csv b.csv --scenario m.yaml --of torque",
+    "learn --state s --motion leans --recording a.csv": "learn update s a.csv --motion leans",
+    "study mc.yaml --workers 2 --out mc": "study run mc.yaml --workers 2 --out mc",
+}  # fmt: skip
+"""Command lines of 0.4, and what they are now."""
+
+
+@pytest.mark.parametrize("old", OLD)
+def test_a_command_line_of_0_4_works_and_names_its_new_form(old):
+    new, line = modern(shlex.split(old))
+    assert new == shlex.split(OLD[old])
+    assert f" is '{' '.join(new[: 1 + (new[0] != 'judge')])}" in line and "0.7" in line
+    assert modern(new) == (new, "")
+
+
+def test_the_line_of_an_old_form_is_printed_once_after_its_work(call, desk):
+    done = call("study", "--help")
+    assert done.err == ""
+    done = call("export", RUN, "--fmu", "a.fmu")
+    assert done.code == 0 and "a.fmu written" in done.out and is_one_line(done.err)
+    assert "'export fmu SCENARIO --out' now" in done.err
 
 
 # --- files to write -------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ def test_what_it_says_to_run_runs(own, good, tmp_path):
     largest = [arm / 50**2 + 0.02, 40 + 18 + 4 + 1.2 + 0.15, 18 + 9 + 1.2 + 0.08]
     design = make_design(load_scenario("scenario.yaml"))
     np.testing.assert_allclose(design.inertia.maximum, largest, rtol=1e-6)
-    study, base = load_study(ran["study"][1])
+    study, base = load_study(ran["study"][2])
     assert (len(study), make_job(study, base).runner(tmp_path).run(0).status) == (16, "ok")
 
 

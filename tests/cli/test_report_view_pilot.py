@@ -72,7 +72,7 @@ def test_what_is_broken_is_named_and_the_old_report_stays(folder, name, old, new
 
 
 def test_studies_in_the_folder_become_chapters(folder, given, good, undrawn):
-    good("study", given("tiny.yaml", TABLE["files"]["tiny.yaml"]), "--out", folder / "own")
+    good("study", "run", given("tiny.yaml", TABLE["files"]["tiny.yaml"]), "--out", folder / "own")
     assert good("report", folder).out == f"{folder / REPORT} written\n"
     page = (folder / REPORT).read_text(encoding="utf-8")
     chapter = re.search("<h2>Study tiny</h2>.*?</section>", page, re.DOTALL)

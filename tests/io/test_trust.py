@@ -66,7 +66,7 @@ COMMANDS = [
     "simulate ../given/run.yaml --set controller.file=../given/own.py",
     "plan --envelope ../given/own.yaml",
     "export ../given/own.yaml --drive drives",
-    "study ../given/study.yaml",
+    "study run ../given/study.yaml",
 ]
 
 

@@ -192,7 +192,7 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
     for number, mass in enumerate((30, 30.001, 29.999)):
         changed = ("--set", f"plant.deviation.payload_mass={mass}")
         good("simulate", file, *changed, "--out", f"{number}.csv")
-    good("learn", file, "--recording", "0.csv", "--state", "state")
+    good("learn", "update", "state", "0.csv", "--scenario", file)
     command = [sys.executable, "-m", "sdt_drake", "learn", "--state", "state", "--recording"]
     with alone_in(state, pytest.fail):
         options = {"stdout": subprocess.PIPE, "text": True}

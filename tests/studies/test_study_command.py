@@ -29,17 +29,20 @@ def change(folder, statement, *values):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("none.yaml", "none.yaml: scenario: missing"),
-        ("two.yaml", "two.csv: 2 joint(s), expected 4 as in the base"),
-        ("axis.yaml", "axis.yaml: is a scenario, expected a study"),
-        ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
-        ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
-        ("few.yaml --out .", ".: contains other files, expected an empty folder"),
-        ("few.yaml --resume", "few: no study to resume"),
+        ("run none.yaml", "none.yaml: scenario: missing"),
+        ("run two.yaml", "two.csv: 2 joint(s), expected 4 as in the base"),
+        ("run axis.yaml", "axis.yaml: is a scenario, expected a study"),
+        ("run few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
+        ("run few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
+        ("run few.yaml --out .", ".: contains other files, expected an empty folder"),
+        ("run few.yaml --resume", "few: no study to resume"),
         ("show nowhere", "nowhere: contains no study"),
-        ("repeat mc --row 16", "--row 16, expected 0 to 15"),
-        ("many.yaml --out mc", "mc: contains this study; continue it with --resume"),
-        ("few.yaml --out mc", "mc: contains another study, which differs in study.yaml (name, dr"),
+        ("repeat mc --row 16", "--row: 16, expected 0 to 15"),
+        ("run many.yaml --out mc", "mc: contains this study; continue it with --resume"),
+        (
+            "run few.yaml --out mc",
+            "mc: contains another study, which differs in study.yaml (name, ",
+        ),
     ],
 )
 def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
@@ -58,13 +61,13 @@ def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
 def test_a_study_with_other_files_or_versions_is_another_study(refuse, desk, copied):
     motion = (desk / "short.yaml").read_text()
     (desk / "short.yaml").write_text(motion.replace("0.5], [0.5", "0.4], [0.5"))
-    said = refuse("study", "many.yaml", "--out", copied, "--resume")
+    said = refuse("study", "run", "many.yaml", "--out", copied, "--resume")
     assert "contains another study, which differs in files/1/short.yaml; use" in said
     (desk / "short.yaml").write_text(motion)
     with Store(copied) as store:
         drake = store.about.versions["drake"]
     change(copied, "UPDATE study SET about = replace(about, ?, '1.0')", drake)
-    said = refuse("study", "many.yaml", "--out", copied, "--resume")
+    said = refuse("study", "run", "many.yaml", "--out", copied, "--resume")
     assert f"begun with drake 1.0 (here: {drake})" in said
 
 
@@ -91,7 +94,7 @@ def test_a_study_with_more_time_for_its_runs_is_the_same(copied, desk, capfd, un
     (copied / "study.yaml").write_text(text.replace("timeout: 300.0", "timeout: 30.0"))
     assert main(["study", "show", f"{copied}"]) == 0
     (desk / "many.yaml").write_text((desk / "many.yaml").read_text() + "timeout: 60\n")
-    assert main(["study", "many.yaml", "--out", f"{copied}", "--resume"]) == 0
+    assert main(["study", "run", "many.yaml", "--out", f"{copied}", "--resume"]) == 0
     assert (copied / "study.yaml").read_text() == text.replace("timeout: 300.0", "timeout: 60.0")
 
 

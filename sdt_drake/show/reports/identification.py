@@ -222,7 +222,7 @@ def result(found: Identified) -> list[str]:
     return [
         answer,
         "next: run sdt-drake simulate with the written scenario.yaml, and sdt-drake identify "
-        "--judge with the written robot.sdf, friction.yaml and a recording of another motion",
+        "`judge` with the written robot.sdf, friction.yaml and a recording of another motion",
     ]
 
 
