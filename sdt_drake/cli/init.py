@@ -76,7 +76,7 @@ def run(
         if robot is None:
             names, then = _start(new), _NEXT
         else:
-            from sdt_drake.cli.starting import write_own
+            from sdt_drake.machine.new_robot import write_own
 
             own = sdt.load_robot(robot)
             names = write_own(own, new, folder)

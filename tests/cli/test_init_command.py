@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import command_line
 import numpy as np
@@ -13,6 +14,7 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.machine.drive_files import load_drives
 from sdt_drake.motion import load_plan, margins
 from sdt_drake.robot.robot import load_robot
+from sdt_drake.robot.shapes import mesh_files
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
@@ -53,6 +55,22 @@ ROBOTS = {
     "slow.sdf": command_line.ARM.replace("<velocity>5</velocity>", STOPS),  # without the angle 0
     "six.urdf": SIX,
 }
+
+
+MESH = "<visual name='v'><geometry><mesh><uri>{}</uri></mesh></geometry></visual></link>"
+FOLDERS = ["plain", "a&b", "<'a\">", "50%20", "ü [1]"]
+
+
+@pytest.mark.parametrize("written", [escape, lambda uri: f" {escape(uri)}\n"])
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_meshes_are_found_from_the_new_folder(good, desk, folder, written):
+    (desk / folder).mkdir()
+    (desk / folder / "link.obj").write_text("v 0 0 0")
+    mesh = MESH.format(written(f"{folder.replace('%', '%25')}/link.obj"))
+    (desk / "arm.sdf").write_text(command_line.ARM.replace("</link>", mesh, 1))
+    good("init", "--robot", "arm.sdf", "deep/mine")
+    [path] = mesh_files(load_robot("deep/mine/arm.sdf")).values()
+    assert path.samefile(desk / folder / "link.obj")
 
 
 @pytest.mark.parametrize("name", ROBOTS)

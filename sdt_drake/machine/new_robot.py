@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from math import pi
 from pathlib import Path
 from string import Template
 from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -193,8 +195,10 @@ def _robot_text(robot: Robot, place: Path) -> str:
     """Return the text of the robot's file, with paths of meshes that start at `place`."""
     text = read_text(robot.path, _MAX_FILE)
     for uri, path in mesh_files(robot).items():
-        other = os.path.relpath(path, place.resolve())
-        text = text.replace(f'"{uri}"', f'"{other}"').replace(f">{uri}<", f">{other}<")
+        other = os.path.relpath(path, place.resolve()).replace("%", "%25")
+        other = escape(other, {"'": "&apos;", '"': "&quot;"}).replace("\\", r"\\")
+        for own in {uri, escape(uri)}:  # as a name in XML
+            text = re.sub(rf"([\"'>]\s*){re.escape(own)}(?=\s*[\"'<])", rf"\g<1>{other}", text)
     return text
 
 
