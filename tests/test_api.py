@@ -110,8 +110,8 @@ def test_functions_give_the_numbers_of_the_commands(short, run, tmp_path):
     run.save(tmp_path / "run.csv")
     replayed = sdt.replay(tmp_path / "run.csv", short.scenario)
     assert replayed.explained("speed_error").min() > 0.999999
-    lessons = sdt.learn(short, flights=1)
-    np.testing.assert_array_equal(lessons.best.largest, np.abs(run.position_error).max(axis=0))
+    result = sdt.learn(short, flights=1)
+    np.testing.assert_array_equal(result.best.largest, np.abs(run.position_error).max(axis=0))
     for result, words in ((response, "phase margin [deg]"), (replayed, "speed error [%]")):
         assert isinstance(result.plot(*[short] * (result is response)), Figure)
         assert words in str(result)

@@ -15,8 +15,8 @@ from sdt_drake.analysis.tracking import track
 from sdt_drake.machine.cueing.candidate import Candidate, percept_of
 from sdt_drake.machine.cueing.flight import read_flight
 from sdt_drake.machine.learn.filter import design_filter
-from sdt_drake.machine.learn.flights import learn
 from sdt_drake.machine.learn.loops import loops_of
+from sdt_drake.machine.learn.trials import learn
 from sdt_drake.motion import Motion
 from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
 from sdt_drake.paper.reproduction import _run
@@ -243,7 +243,7 @@ def test_table_of_learned_torques_is_what_flights_find(designed):
     fields = {"controller.kind": "p_pi", "held_speed": "mean", "accuracy": COARSE}
     made = designed("wrong_model", fields)
     filter_ = design_filter(made, loops_of(made, "torque"), "torque")
-    flights = learn(made, filter_, 2, stops=False).flights
+    flights = learn(made, filter_, 2, stops=False).trials
     found = np.degrees([flight.largest[1] for flight in flights])
     np.testing.assert_allclose(found, [float(cell) for cell in row[1:3]], atol=6e-4)
 

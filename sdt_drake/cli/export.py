@@ -14,7 +14,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
 
 if TYPE_CHECKING:
-    from sdt_drake.machine.drive_files.export import Fed
+    from sdt_drake.machine.drive_files.export import Playback
     from sdt_drake.run.design import Design
 
 
@@ -61,9 +61,9 @@ def run(
     with common.naming_robot("--scenario"), common.naming_changes(changes):
         design = make_design(load_scenario(source, changed))
     controller, drives = design.scenario.controller, load_drives(drive, design.nominal.n)
-    fed = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
+    runs = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
     period, cycle = design.motion.period, drives.cycle_time
-    worst = max((x for x in fed if x.source in FILES), key=lambda x: float(x.position_error.max()))
+    worst = max((x for x in runs if x.source in FILES), key=lambda x: float(x.position_error.max()))
     echo(
         f"{motion}: {design.motion.duration:g} s for drives with a cycle of "
         f"{1e3 * cycle:g} ms, written into {out}; largest position error of a loop that plays the "
@@ -82,7 +82,7 @@ def run(
             f"note: {controller.label} takes no torque feedforward, so its loop plays the files "
             "back without their torques"
         )
-    _print_read_back(design, fed, cam_points)
+    _print_read_back(design, runs, cam_points)
 
 
 def fmu(
@@ -116,7 +116,7 @@ def fmu(
     )
 
 
-def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> None:
+def _print_read_back(design: Design, runs: Sequence[Playback], cam_points: int) -> None:
     import numpy as np
 
     scenario, joints = design.scenario, numbered(design.nominal.joint_names)
@@ -126,9 +126,9 @@ def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> Non
     )
     print_table(
         ("from", *(f"{joint} [deg]" for joint in joints)),
-        [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in fed],
+        [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in runs],
     )
     echo(
         f"cam.csv has up to {cam_points} points; the cubics between them are within "
-        f"{np.degrees(fed[-1].position_off.max()):.2g} deg of the motion. It contains no torques."
+        f"{np.degrees(runs[-1].position_off.max()):.2g} deg of the motion. It contains no torques."
     )

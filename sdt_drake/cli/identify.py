@@ -48,8 +48,8 @@ def run(
             real_device for the shipped robot, else the drives' cascade with the recorded motion)
     """
     from sdt_drake.machine.identify.files import base_scenario
+    from sdt_drake.machine.identify.filtering import HELD_OUT
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
-    from sdt_drake.machine.identify.procedure import HELD_OUT
     from sdt_drake.show.reports import identification as analysis
 
     if validate:

@@ -126,7 +126,7 @@ def _checked(of: str, bandwidth: float | None, study: str | None, draws: int | N
 def _simulated(
     folder: Path, path: str, changes: Changes, count: int, stops: bool, checked: Checked
 ) -> None:
-    from sdt_drake.machine.learn.flights import Lessons, learn
+    from sdt_drake.machine.learn.trials import LearningResult, learn
     from sdt_drake.show.documents import REPORT
     from sdt_drake.show.reports import learning as report
 
@@ -142,20 +142,20 @@ def _simulated(
     design = common.design_of(path, changes)
     filter_, checks = checked(design)
 
-    def report_flight(lessons: Lessons) -> None:
-        report.write_learned(kept, design, lessons)
-        numbers = report.flight_numbers(lessons.flights[-1])
+    def report_flight(result: LearningResult) -> None:
+        report.write_learned(kept, design, result)
+        numbers = report.flight_numbers(result.trials[-1])
         texts = (x if isinstance(x, str) else " ".join(x) for x in numbers.values())
         echo(", ".join(map(" ".join, zip(numbers, texts, strict=True))))
 
     try:
-        lessons = learn(design, filter_, count, stops=stops, report=report_flight)
-        for line in report.learning_summary(lessons):
+        result = learn(design, filter_, count, stops=stops, report=report_flight)
+        for line in report.learning_summary(result):
             echo(line)
         with holding_signals() as released:
             with replacing_files(folder) as new, released():
-                report.write_learned(new, design, lessons)
-                report.write_learning_report(new, design, filter_, checks, lessons)
+                report.write_learned(new, design, result)
+                report.write_learning_report(new, design, filter_, checks, result)
             report.remove_unfinished(folder)
     except (KeyboardInterrupt, InputError) as error:
         if (kept / report.FLIGHTS).exists():
@@ -210,12 +210,12 @@ def _from_recordings(
     checked: Checked,
 ) -> None:
     """Take a step of learning from recordings in its folder."""
-    from sdt_drake.machine.learn.state import SCENARIO, count_flights
+    from sdt_drake.machine.learn.state import SCENARIO, count_trials
 
     common.check_folder(folder)
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise InputError("RECORDING: the same file twice, expected different recordings")
-    known = count_flights(folder)
+    known = count_trials(folder)
     with alone_in(folder, lambda: echo(f"{folder}: waiting for another sdt-drake learn to end")):
         own = folder / SCENARIO
         if own.exists() == (scenario is not None):
@@ -248,17 +248,17 @@ def _step_in(
     """
     import numpy as np
 
-    from sdt_drake.machine.learn.state import State, read_state, teach, write_step
+    from sdt_drake.machine.learn.state import State, read_state, update, write_step
     from sdt_drake.machine.recordings import load_columns, read_recording
 
     named = load_columns(columns) if columns else None
     recordings = [read_recording(path, design.robot, named, needs=("q",)) for path in paths]
     filter_, _ = checked(design)
     state = read_state(folder, design)
-    taught = teach(design, filter_, state, recordings, known)
-    flight = taught.flight
-    best = State([*state.flights, flight], []).best
-    path = write_step(folder, design, state, taught)
+    made = update(design, filter_, state, recordings, known)
+    flight = made.trial
+    best = State([*state.trials, flight], []).best
+    path = write_step(folder, design, state, made)
     echo(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
     echo(f"{path} written; next: fly it, then learn from its recording")
     for recorded, shift in zip(recordings, flight.shifts, strict=True):
@@ -272,7 +272,7 @@ def _step_in(
         design.robot.joint_names,
         [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
     )
-    for one in taught.findings:
+    for one in made.findings:
         echo(f"note: {one}")
     if not flight.floor:
         echo("note: with several recordings of a flight, errors that do not repeat are separated")

@@ -18,8 +18,8 @@ import numpy as np
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.machine.learn.filter import convergence, design_filter
-from sdt_drake.machine.learn.flights import learn
 from sdt_drake.machine.learn.loops import loop_set, loops_of
+from sdt_drake.machine.learn.trials import learn
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.studies.devices import devices_of
@@ -34,12 +34,12 @@ HEADER = (
 def flown(device, filter_, flights):
     """A device's row, without its number."""
     check = convergence(filter_, loop_set("the device", [device], "reference"))
-    lessons = learn(device, filter_, flights, stops=False)
-    scores = np.degrees([flight.score for flight in lessons.flights])
-    first, last = lessons.flights[0], lessons.flights[-1]
+    result = learn(device, filter_, flights, stops=False)
+    scores = np.degrees([flight.score for flight in result.trials])
+    first, last = result.trials[0], result.trials[-1]
     growing = len(scores) > 5 and np.all(np.diff(scores[-4:]) > 0.01 * scores[-4:-1])
     return (
-        check.largest, check.loops.demand.max(), scores[0], scores.min(), lessons.best.number,
+        check.largest, check.loops.demand.max(), scores[0], scores.min(), result.best.number,
         scores[-1], np.degrees(first.largest.max()), np.degrees(last.largest.max()),
         float((last.peak / first.peak)[first.peak > 0.2].max()), float(last.saturated.max()),
         bool(scores[-1] > scores[0] or growing),

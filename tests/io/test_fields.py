@@ -20,7 +20,7 @@ from sdt_drake.io.fields import Input, check_joints, made
 from sdt_drake.io.names import given_fields, value_of
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
-from sdt_drake.machine.learn.state import FlightRecord
+from sdt_drake.machine.learn.state import TrialRecord
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.run.kinds import CONTROLLERS
@@ -50,7 +50,7 @@ COMMITTED = {
     model: json.loads((models_dir() / SCHEMAS / f"{topic}.json").read_text(encoding="utf-8"))
     for topic, model in FILES.items()
 }
-COMMITTED[FlightRecord] = schema_of(FlightRecord)
+COMMITTED[TrialRecord] = schema_of(TrialRecord)
 """Schema of each kind of file, as editors are told it; a record, nobody edits."""
 
 

@@ -17,9 +17,9 @@ from sdt_drake.machine.drive_files import (
     Axis,
     Drives,
     SetPoints,
-    feed,
     formats,
     load_drives,
+    play_back,
     samples_from,
     samples_of,
     set_points,
@@ -283,6 +283,6 @@ def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, 
     told = read_csv(tmp_path / "set_points.csv", drives).torque
     np.testing.assert_allclose(told, 1000 * fed / RATED, atol=0.51)
     flown = np.abs(simulate(design).position_error).max(axis=0)
-    errors = {x.source: x.position_error for x in feed(design, drives, exported)}
+    errors = {x.source: x.position_error for x in play_back(design, drives, exported)}
     np.testing.assert_allclose(errors["motion"], flown, rtol=5e-3, atol=1e-9)
     np.testing.assert_allclose(errors["trajectory.yaml"], flown, rtol=5e-3, atol=1e-9)

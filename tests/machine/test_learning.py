@@ -10,9 +10,8 @@ import pytest
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.learn import flights
+from sdt_drake.machine.learn import trials
 from sdt_drake.machine.learn.filter import convergence, design_filter, refuse_divergence
-from sdt_drake.machine.learn.flights import fly, learn, next_step, reason_to_stop
 from sdt_drake.machine.learn.loops import (
     POINTS,
     LoopSet,
@@ -21,6 +20,7 @@ from sdt_drake.machine.learn.loops import (
     loops_of,
     position_response,
 )
+from sdt_drake.machine.learn.trials import learn, next_step, reason_to_stop, run_trial
 from sdt_drake.motion import LearnedReference, Motion, checked_torque
 from sdt_drake.run.design import make_design
 from sdt_drake.run.simulate import simulate
@@ -206,20 +206,22 @@ def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
     design = cascade(name="wrong_model")
     filter_ = design_filter(design, loops_of(design, "reference"), "reference")
     seen = []
-    lessons = learn(design, filter_, 3, stops=False, report=lambda x: seen.append(len(x.flights)))
-    first, last = lessons.flights[0], lessons.flights[-1]
-    assert seen == [flight.number for flight in lessons.flights] == [1, 2, 3]
+    result = learn(design, filter_, 3, stops=False, report=lambda x: seen.append(len(x.trials)))
+    first, last = result.trials[0], result.trials[-1]
+    assert seen == [trial.number for trial in result.trials] == [1, 2, 3]
+    with pytest.warns(DeprecationWarning, match="flights is trials now, and goes in 0.7"):
+        assert result.flights is result.trials
     assert first.rms[3] > 20 * last.rms[3]
     assert np.all(last.peak <= 1.02 * first.peak + 0.002)
     motion = last.learned.motion
     checked_torque(design.nominal, motion)
     np.testing.assert_array_equal(motion.q[0], design.wanted.q[0])
-    again = fly(design.given(last.learned), 3)
+    again = run_trial(design.given(last.learned), 3)
     np.testing.assert_array_equal(again.error, last.error)
 
 
 def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
-    flight, run = fly(design := cascade("p_pi", SPRINGS), 1), simulate(design)
+    flight, run = run_trial(design := cascade("p_pi", SPRINGS), 1), simulate(design)
     np.testing.assert_array_equal(flight.seen, run.q_measured - design.wanted.q)
     np.testing.assert_array_equal(flight.error, run.position_error)
     told = errors("learn", run.time, [flight], design.robot.joint_names)
@@ -238,7 +240,7 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
     mean = cascade(name="wrong_model", fields={"held_speed": "mean"})
     slower = design_filter(mean, loops_of(mean, "torque"), "torque").lowest
     assert np.all(slower < filter_.lowest / 20)
-    first, second = learn(design, filter_, 2, stops=False).flights
+    first, second = learn(design, filter_, 2, stops=False).trials
     assert second.learned.motion is design.wanted
     change = [np.abs(np.diff(flight.error[:, 3])).max() for flight in (first, second)]
     assert change[1] < 0.6 * change[0]
@@ -250,17 +252,17 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
 
 
 def test_it_stops_where_another_flight_is_not_worth_it():
-    def flights(*scores, felt=0.5):
+    def tried(*scores, felt=0.5):
         return [SimpleNamespace(score=score, felt=felt) for score in scores]
 
     whole = SimpleNamespace(share=1.0, limit="")
-    assert reason_to_stop(flights(1.0), []) == ""
-    assert reason_to_stop(flights(1.0, 0.5), [whole]) == ""
-    assert "cannot be felt" in reason_to_stop(flights(1.0, felt=0.0), [])
-    assert "by less than 5 %" in reason_to_stop(flights(1.0, 0.5, 0.49), [whole] * 2)
-    assert "has grown" in reason_to_stop(flights(1.0, 0.5, 0.6), [whole] * 2)
+    assert reason_to_stop(tried(1.0), []) == ""
+    assert reason_to_stop(tried(1.0, 0.5), [whole]) == ""
+    assert "cannot be felt" in reason_to_stop(tried(1.0, felt=0.0), [])
+    assert "by less than 5 %" in reason_to_stop(tried(1.0, 0.5, 0.49), [whole] * 2)
+    assert "has grown" in reason_to_stop(tried(1.0, 0.5, 0.6), [whole] * 2)
     near = SimpleNamespace(share=0.3, limit="joint 2 needs torque")
-    assert reason_to_stop(flights(1.0, 0.5), [near]) == "a limit is near: joint 2 needs torque"
+    assert reason_to_stop(tried(1.0, 0.5), [near]) == "a limit is near: joint 2 needs torque"
 
 
 def test_the_model_is_what_the_controller_knows(cascade):
@@ -330,7 +332,7 @@ def test_no_end_leaves_flights_without_a_word(call, desk, monkeypatch):
     """An error in the second flight, and Ctrl-C when all is written."""
     monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)  # slow
     command = ("learn", "../given/cascade.yaml", "--flights", "2", "--out")
-    own, remove = flights.fly, report.remove_unfinished
+    own, remove = trials.run_trial, report.remove_unfinished
 
     def failing(design, number):
         if number == 2:
@@ -338,7 +340,7 @@ def test_no_end_leaves_flights_without_a_word(call, desk, monkeypatch):
         return own(design, number)
 
     with monkeypatch.context() as patch:
-        patch.setattr(flights, "fly", failing)
+        patch.setattr(trials, "run_trial", failing)
         done = call(*command, "failed")
     assert done.code == 2 and "no second one" in done.err
     assert "the flights so far are in failed/unfinished; to continue" in done.out

@@ -17,12 +17,12 @@ from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.loops import loops_of
 from sdt_drake.machine.learn.matching import match
 from sdt_drake.machine.learn.state import (
-    FlightRecord,
     State,
+    TrialRecord,
     _refuse_growth,
     read_state,
     reference_file,
-    teach,
+    update,
     write_step,
 )
 from sdt_drake.machine.recordings import Columns, read_recording
@@ -73,7 +73,7 @@ class Machine:
         """What so many noisy recordings of a first flight teach."""
         paths = [self.record(flight, noise=noise, seed=i) for i in range(count)]
         state = State([], [LearnedReference(self.design.motion)])
-        return teach(self.design, self.filter, state, [self.read(path) for path in paths])
+        return update(self.design, self.filter, state, [self.read(path) for path in paths])
 
 
 @pytest.fixture(scope="module")
@@ -120,13 +120,13 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
     for number in (1, 2):
         path = machine.record(machine.flight(learned), lead=0.05)
         state = read_state(folder, design)
-        taught = teach(design, machine.filter, state, [machine.read(path)])
+        taught = update(design, machine.filter, state, [machine.read(path)])
         write_step(folder, design, state, taught)
         learned = LearnedReference.from_csv(reference_file(folder, number + 1))
-        scores.append(taught.flight.score)
+        scores.append(taught.trial.score)
     assert scores[1] < 0.1 * scores[0]
     state = read_state(folder, design)
-    assert len(state.flights) == 2 and state.best is state.flights[1]
+    assert len(state.trials) == 2 and state.best is state.trials[1]
     motions = [reference.motion for reference in state.references]
     first = machine.read(machine.folder / "recorded_1.csv")
     assert match(first, design, machine.filter, motions).reference == 0
@@ -134,7 +134,7 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
     worse[2][:, 3] += 0.001 * np.sin(5 * worse[0])
     before = {file: file.read_bytes() for file in folder.iterdir()}
     with pytest.raises(InputError, match=r"has grown .*best so far: reference_02.csv"):
-        teach(design, machine.filter, state, [machine.read(machine.record(worse))])
+        update(design, machine.filter, state, [machine.read(machine.record(worse))])
     assert {file: file.read_bytes() for file in folder.iterdir()} == before
 
 
@@ -142,23 +142,23 @@ def test_what_repeats_is_told_from_what_does_not(machine):
     """Of eight noisy recordings: the floor is the noise, what repeats is the error without it."""
     flight, noise = machine.flight(), 3e-5
     taught = machine.taught(flight, 8, noise)
-    np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
+    np.testing.assert_allclose(taught.trial.floor, noise, rtol=0.1)
     true = np.sqrt(np.mean((machine.design.wanted.q - flight[2]) ** 2, axis=0))
-    np.testing.assert_allclose(taught.flight.rms, true, rtol=0.05, atol=0.4 * noise)
+    np.testing.assert_allclose(taught.trial.rms, true, rtol=0.05, atol=0.4 * noise)
     quiet = machine.flight()
     quiet[2][:] = machine.design.wanted.q
     taught = machine.taught(quiet, 3, noise)
     assert "noise" in {one.kind for one in taught.findings}
-    np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
+    np.testing.assert_allclose(taught.trial.floor, noise, rtol=0.1)
     quiet[2][:, 1] += 1.5 * noise  # within the noise of all joints, but not within its own
     assert "noise" not in {one.kind for one in machine.taught(quiet, 3, noise).findings}
     quiet[2][:] = machine.design.wanted.q + noise
     taught = machine.taught(quiet, 3, noise)
-    np.testing.assert_allclose(taught.flight.rms, noise, rtol=0.1)
+    np.testing.assert_allclose(taught.trial.rms, noise, rtol=0.1)
     # A larger error that noise may have made is no growth.
     best, larger = ([x] * 4 for x in (1e-5, 2e-5))
-    best = FlightRecord(largest=best, rms=best, floor=[noise] * 4, recordings=3)
-    larger = FlightRecord(largest=larger, rms=larger)
+    best = TrialRecord(largest=best, rms=best, floor=[noise] * 4, recordings=3)
+    larger = TrialRecord(largest=larger, rms=larger)
     _refuse_growth(larger, State([best], []), Path("a.csv"))
     with pytest.raises(InputError, match="the error has grown"):
         _refuse_growth(larger, State([replace(best, floor=[])], []), Path("a.csv"))
@@ -202,7 +202,7 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
     outs = [one.communicate()[0] for one in both]
     assert [one.returncode for one in both] == [0, 0], outs
     assert len(list(state.glob("flight_*"))) == len(list(state.glob("reference_*"))) == 3
-    flown = [load_yaml(FlightRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
+    flown = [load_yaml(TrialRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
     assert flown == [2, 2]
 
 
@@ -210,11 +210,11 @@ def test_what_a_recording_lacks_is_noted_and_not_learned(machine):
     """A spike, as a logger's mark, and a last line that was cut off."""
     path = machine.record(machine.flight())
     state = State([], [LearnedReference(machine.design.motion)])
-    clean = teach(machine.design, machine.filter, state, [machine.read(path)])
+    clean = update(machine.design, machine.filter, state, [machine.read(path)])
     rows = [line.split(",") for line in path.read_text().splitlines()]
     rows[150][-1] = "0.5"
     path.write_text("\n".join(map(",".join, rows))[:-30])
-    taught = teach(machine.design, machine.filter, state, [machine.read(path)])
+    taught = update(machine.design, machine.filter, state, [machine.read(path)])
     notes = "\n".join(map(str, taught.findings))
     assert "last line is incomplete" in notes and "q_4: 1 value(s) far from all around" in notes
     off = np.abs(taught.step.learned.motion.q - clean.step.learned.motion.q).max()

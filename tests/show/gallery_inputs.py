@@ -23,8 +23,8 @@ from sdt_drake.machine.cueing.flight import make_flight
 from sdt_drake.machine.cueing.procedure import CueingResult
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.learn.filter import Bandwidth, Convergence, LearningFilter
-from sdt_drake.machine.learn.flights import Flight, Lessons, Step
 from sdt_drake.machine.learn.loops import LoopSet
+from sdt_drake.machine.learn.trials import LearningResult, Step, Trial
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, FEEDFORWARD, Replay
 from sdt_drake.motion import Motion, Plan, margins
@@ -243,13 +243,13 @@ class Inputs:
             error = size * np.sin(30 * t * np.arange(1, n + 1)) * np.arange(1, n + 1)
             largest, rms = np.abs(error).max(axis=0), np.sqrt(np.mean(error**2, axis=0))
             peak, felt = 0.5 + 10 * size * np.arange(n), 30 * size
-            flights.append(Flight(number, None, error, error, largest, rms, felt, peak, 0 * peak))
-        lessons = Lessons(
+            flights.append(Trial(number, None, error, error, largest, rms, felt, peak, 0 * peak))
+        result = LearningResult(
             tuple(flights),
             (Step(None, 0.5, "torque of joint 2"), Step(None, 1.0, "")),
             "the errors grow",
         )
-        return design, filter_, checks, lessons
+        return design, filter_, checks, result
 
     @cached_property
     def flown(self):

@@ -4,10 +4,10 @@ from sdt_drake.machine.drive_files.drives import Axis, Drives, load_drives
 from sdt_drake.machine.drive_files.export import (
     FILES,
     READ_BACK,
-    Fed,
+    Playback,
     cycles_in_a_period,
     export,
-    feed,
+    play_back,
     write_files,
 )
 from sdt_drake.machine.drive_files.formats import write_drive_table
@@ -24,13 +24,13 @@ __all__ = [
     "READ_BACK",
     "Axis",
     "Drives",
-    "Fed",
+    "Playback",
     "Samples",
     "SetPoints",
     "cycles_in_a_period",
     "export",
-    "feed",
     "load_drives",
+    "play_back",
     "samples_from",
     "samples_of",
     "set_points",

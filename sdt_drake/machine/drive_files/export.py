@@ -53,7 +53,7 @@ class Exported:
 
 
 @dataclass(frozen=True, eq=False)
-class Fed:
+class Playback:
     """A run whose loop is fed from a file, compared with the planned motion; joint side."""
 
     source: str
@@ -76,7 +76,7 @@ def export(
     *,
     cam_points: int = 1000,
     title: str = "",
-) -> list[Fed]:
+) -> list[Playback]:
     """Write a motion as files for drives, PLCs and ROS 2, as `sdt-drake export`.
 
     Args:
@@ -115,9 +115,9 @@ def export(
         exported = write_files(
             design, drives, new, cam_points=cam_points, title=title, source=source
         )
-        fed = feed(design, drives, exported)
-        write_read_back(new / READ_BACK, fed)
-    return fed
+        played = play_back(design, drives, exported)
+        write_read_back(new / READ_BACK, played)
+    return played
 
 
 def write_files(
@@ -210,12 +210,12 @@ def _commanded(design: Design, period: float, *, still: bool = False) -> Samples
     have would compensate twice. So they are then those of the loop, not inverse dynamics.
     """
     robot, motion, tau_ff = design.nominal, design.motion, design.tau_ff
-    taught = design.learned_torque is not None or motion is not design.wanted
+    is_learned = design.learned_torque is not None or motion is not design.wanted
     if still:
         rest = np.zeros((2, robot.n))
         motion, tau_ff = Motion.from_speeds(period, motion.q[0], rest), rest + design.steady_ff
     torque = np.zeros_like(motion.q) if tau_ff is None else tau_ff * robot.gear_ratio
-    return samples_of(robot, motion, period, torque if taught else None)
+    return samples_of(robot, motion, period, torque if is_learned else None)
 
 
 def cycles_in_a_period(design: Design, drives: Drives) -> int:
@@ -223,7 +223,7 @@ def cycles_in_a_period(design: Design, drives: Drives) -> int:
     return max(1, round(design.motion.period / drives.cycle_time))
 
 
-def feed(design: Design, drives: Drives, exported: Exported) -> list[Fed]:
+def play_back(design: Design, drives: Drives, exported: Exported) -> list[Playback]:
     """Simulate the scenario's loop fed from the motion and from each file of `export`.
 
     The loop's period is the multiple of the drive period nearest to the interpolation period, with
@@ -245,17 +245,17 @@ def feed(design: Design, drives: Drives, exported: Exported) -> list[Fed]:
     }
     with threads(2) as pool:
         motion, csv, *others = pool.map(
-            lambda name: _fed(design, name, sources[name], off.get(name, nothing)), sources
+            lambda name: _playback(design, name, sources[name], off.get(name, nothing)), sources
         )
     return [motion, csv, replace(csv, source=ST), *others]  # CSV and ST have the same integers
 
 
-def _fed(design: Design, source: str, samples: Samples, position_off: Array) -> Fed:
+def _playback(design: Design, source: str, samples: Samples, position_off: Array) -> Playback:
     """Simulate the loop fed from samples."""
-    made = _fed_with(design, samples)
+    made = _with_samples(design, samples)
     recording = simulate(made)
     wanted = samples_of(design.nominal, design.wanted, samples.period)
-    return Fed(
+    return Playback(
         source,
         made.tau_ff is not None,
         position_off,
@@ -264,7 +264,7 @@ def _fed(design: Design, source: str, samples: Samples, position_off: Array) -> 
     )
 
 
-def _fed_with(design: Design, samples: Samples) -> Design:
+def _with_samples(design: Design, samples: Samples) -> Design:
     """Return the design with samples as its reference and torque feedforward, if any."""
     period, v = samples.period, samples.v
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
@@ -275,15 +275,15 @@ def _fed_with(design: Design, samples: Samples) -> Design:
     return made.with_feedforward(samples.tau / design.robot.gear_ratio)
 
 
-def write_read_back(path: Path, fed: Sequence[Fed]) -> None:
-    """Write the results of `feed` as CSV: a row for each source and joint, full precision."""
-    n = len(fed[0].position_off)
+def write_read_back(path: Path, played: Sequence[Playback]) -> None:
+    """Write the results of `play_back` as CSV: a row for each source and joint, full precision."""
+    n = len(played[0].position_off)
     columns = {
-        "source": np.repeat([x.source for x in fed], n),
-        "torque": np.repeat([int(x.has_torque) for x in fed], n),
-        "joint": np.tile(np.arange(1, n + 1), len(fed)),
-        "position_off_rad": np.concatenate([x.position_off for x in fed]),
-        "position_error_rad": np.concatenate([x.position_error for x in fed]),
-        "rms_speed_error_rad_s": np.concatenate([x.speed_error for x in fed]),
+        "source": np.repeat([x.source for x in played], n),
+        "torque": np.repeat([int(x.has_torque) for x in played], n),
+        "joint": np.tile(np.arange(1, n + 1), len(played)),
+        "position_off_rad": np.concatenate([x.position_off for x in played]),
+        "position_error_rad": np.concatenate([x.position_error for x in played]),
+        "rms_speed_error_rad_s": np.concatenate([x.speed_error for x in played]),
     }
     Results({}, columns).write(path)

@@ -23,6 +23,7 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.names import given
 from sdt_drake.io.progress import work
 from sdt_drake.io.yaml_files import yaml_text
+from sdt_drake.machine.identify.filtering import HELD_OUT
 from sdt_drake.machine.identify.limits import Limits
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion.profile import MotionProfile, Track
@@ -31,9 +32,6 @@ from sdt_drake.motion.segments import Fourier
 MARGIN, GENTLY = 0.8, 0.3
 """Share of all limits that a motion uses, and further factor on speeds and accelerations for a
 payload [-]."""
-
-HELD_OUT = 1 / 3
-"""Share of the periods for the second motion, which `identify` holds out [-]."""
 
 RATE = 200.0  # assumed sample rate of the recording [Hz]
 
@@ -207,10 +205,10 @@ def excite(
     q, v, vd = (x[0] for x in _motion(coefficients[None], series.bases(_FINE)))
     columns, torque = target.rows(q, v, vd)
     periods = round(duration / series.period)
-    judged = round(periods * HELD_OUT) if periods > 1 else 0
-    parts = [(coefficients, (periods - judged) * series.period)]
-    if judged:
-        parts.append((problem.another(coefficients), judged * series.period))
+    held_out = round(periods * HELD_OUT) if periods > 1 else 0
+    parts = [(coefficients, (periods - held_out) * series.period)]
+    if held_out:
+        parts.append((problem.another(coefficients), held_out * series.period))
     samples = parts[0][1] * RATE / _FINE  # recorded samples for each row
     sigma, condition = _expected(columns.reshape(len(q) * robot.n, -1), samples)
     limits = Limits.of(robot, 1.0, acceleration=acceleration)

@@ -22,6 +22,9 @@ from sdt_drake.motion.trajectory import interpolated
 MAX_CUTOFF_SHARE = 0.35
 """Largest cut-off of a filter over the sample rate [-]; signals pass unfiltered above it."""
 
+HELD_OUT = 1 / 3
+"""Share at the end of each recording that is held out, without recordings to hold out [-]."""
+
 _ORDER = 4
 _MOVED = 0.01  # distance from the first or last position over the joint's range
 _REST_TIME = 2.0  # rest that stays before and after the motion [s]

@@ -28,6 +28,7 @@ from sdt_drake.machine.identify.cutoff import CUTOFFS, Choice, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
 from sdt_drake.machine.identify.filtering import (
+    HELD_OUT,
     MAX_CUTOFF_SHARE,
     MIN_SAMPLES,
     Stretch,
@@ -45,9 +46,6 @@ from sdt_drake.robot.robot import Robot, load_robot
 
 ONLY = ("payload", "friction")
 """Parameters to identify alone."""
-
-HELD_OUT = 1 / 3
-"""Share at the end of each recording that is held out, without recordings to validate [-]."""
 
 MAX_ROWS = 20_000
 """Approximate largest number of rows of the equations. A row takes about 8 kB. Of longer
@@ -69,7 +67,7 @@ class Identified(Shown):
     unknown: Unknown
     """The parameters to identify."""
     recordings: tuple[Recorded, ...]
-    """The fitted recordings, then those to validate."""
+    """The fitted recordings, then those held out."""
     equations: Equations
     """All rows, fitted and held out."""
     estimate: Estimate
@@ -175,14 +173,14 @@ def identify(
     if positive(held_out, "held_out") >= 1:
         raise InputError(f"{held_out:g}, expected less than 1", place="held_out")
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
-    fitted, judged = (
+    fitted, held_out_recordings = (
         recordings_of(given, name, robot, columns, side=side)
         for name, given in (("recordings", recordings), ("validate", validate))
     )
     if not fitted:
         raise InputError("none given, expected at least one", place="recordings")
-    check_different([*fitted, *judged])
-    parts, notes = parts_of(fitted, judged, held_out)
+    check_different([*fitted, *held_out_recordings])
+    parts, notes = parts_of(fitted, held_out_recordings, held_out)
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)
     _check_cutoff(cutoff, parts)
@@ -194,7 +192,7 @@ def identify(
     _check_rows(eq, cutoff, fitted[0].path)
     found = estimate(eq, prior)
     r, S, N = len(found.beta), found.covariance, found.misfit
-    findings = [one for x in (*fitted, *judged) for one in check_recording(robot, x)]
+    findings = [one for x in (*fitted, *held_out_recordings) for one in check_recording(robot, x)]
     is_spoilt = any(one.spoils for one in findings)
     wrong = [] if is_spoilt else misread(robot, eq)
     findings += [*standing_still(eq), *wrong]
@@ -213,7 +211,7 @@ def identify(
     return Identified(
         nominal=robot,
         unknown=unknown,
-        recordings=(*fitted, *judged),
+        recordings=(*fitted, *held_out_recordings),
         equations=eq,
         estimate=found,
         consistent=consistent,
@@ -227,7 +225,7 @@ def identify(
 
 
 def parts_of(
-    recordings: Sequence[Recorded], validate: Sequence[Recorded], held_out: float
+    fitted: Sequence[Recorded], held_out: Sequence[Recorded], share: float
 ) -> tuple[Parts, list[str]]:
     """Return the stretches of recordings, and notes on their changes.
 
@@ -236,14 +234,14 @@ def parts_of(
     """
     parts: Parts = []
     notes = []
-    for number, recorded in enumerate((*recordings, *validate)):
+    for number, recorded in enumerate((*fitted, *held_out)):
         _check_alive(recorded)
         found, changes = stretches(recorded)
         notes += [f"{recorded.path.name}: {line}" for line in (*recorded.notes, *changes)]
-        held_from = -np.inf if number >= len(recordings) else np.inf
-        if not validate:
+        held_from = -np.inf if number >= len(fitted) else np.inf
+        if not held_out:
             start, end = found[0].start, found[-1].end
-            held_from = end - held_out * (end - start)
+            held_from = end - share * (end - start)
         parts += [(number, held_from, stretch) for stretch in found]
     return parts, notes
 

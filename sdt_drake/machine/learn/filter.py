@@ -1,12 +1,12 @@
 """The learning filter: the inverse of the loop's linear model, up to a frequency of trust.
 
-After flight j, the learned signal u becomes
+After trial j, the learned signal u becomes
 
     u_(j+1) = Q (u_j - L e_j)
 
 Here e is the position error at the encoders (achieved minus planned), and L the inverse of the
 loop's response G. Q is a zero-phase low-pass filter. The repeating error shrinks by Q (1 - L G) in
-each flight. Above the bandwidth of Q nothing is learned. Source: Bristow, Tharayil, Alleyne, "A
+each trial. Above the bandwidth of Q nothing is learned. Source: Bristow, Tharayil, Alleyne, "A
 survey of iterative learning control", IEEE Control Systems Magazine 26(3), 2006.
 """
 
@@ -24,7 +24,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.learn.loops import LoopSet, frequencies, known_loop, responses
 from sdt_drake.run.design import Design
 
-_MAX_REMAINDER = 0.5  # share of the error after a flight, for a loop that is trusted
+_MAX_REMAINDER = 0.5  # share of the error after a trial, for a loop that is trusted
 _MIN_ANSWER = 0.5  # |G| of the reference, for a loop that is trusted
 _MIN_TORQUE_ANSWER = {"start": 0.5, "mean": 0.02}
 """Share of the largest |G| of a torque below which slow torques are not learned, by `held_speed`.
@@ -77,15 +77,15 @@ class LearningFilter:
         return np.asarray(robust[:, :, None] * (np.eye(n) - self.inverse[:, :, None] * response))
 
     def next(self, learned: Array, error: Array) -> Array:
-        """Return the learned signal of the next flight, shape (N + 1, n).
+        """Return the learned signal of the next trial, shape (N + 1, n).
 
         The motion starts and ends at rest: before it, signal and error are 0; after it, they keep
         their last values. The result grows from 0 within a period of the bandwidth, since every
-        flight starts on the planned motion.
+        trial starts on the planned motion.
 
         Args:
-            learned: learned signal of this flight [rad] or [N m], shape (N + 1, n).
-            error: position error of this flight at the encoders [rad], shape (N + 1, n).
+            learned: learned signal of this trial [rad] or [N m], shape (N + 1, n).
+            error: position error of this trial at the encoders [rad], shape (N + 1, n).
         """
         robust = self._filtered(learned, np.ones_like(self.inverse))
         return (robust - self._filtered(error, self.inverse)) * self.onset(len(error))
@@ -135,7 +135,7 @@ def design_filter(
 
     - the structure's lowest natural frequency (`controller.omega_r`), the limit of a rigid model;
     - the frequency where the loop's response falls below 1/2, as its inverse becomes too large;
-    - the frequency where a flight would leave over half the error of any loop, |1 - L G| > 1/2;
+    - the frequency where a trial would leave over half the error of any loop, |1 - L G| > 1/2;
     - half the Nyquist frequency.
 
     Args:
@@ -205,7 +205,7 @@ def _first(omega: Array, where: NDArray[np.bool_]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """The share of an error that remains after a flight, |Q (1 - L G)|, for a set's worst loop."""
+    """The share of an error that remains after a trial, |Q (1 - L G)|, for a set's worst loop."""
 
     loops: LoopSet
     """The loop set."""

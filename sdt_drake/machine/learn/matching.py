@@ -1,4 +1,4 @@
-"""Find the motion in a recording of a flight, and check that it is the expected one."""
+"""Find the motion in a recording of a trial, and check that it is the expected one."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from sdt_drake.machine.learn.filter import (
     design_filter,
     refuse_divergence,
 )
-from sdt_drake.machine.learn.flights import Lessons
-from sdt_drake.machine.learn.flights import learn as fly_and_learn
 from sdt_drake.machine.learn.loops import LEARNED, loops_of
+from sdt_drake.machine.learn.trials import LearningResult
+from sdt_drake.machine.learn.trials import learn as run_and_learn
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.devices import devices_of
@@ -35,9 +35,9 @@ def learn(
     study: str | Path | None = None,
     draws: int = 20,
     stops: bool = True,
-    report: Callable[[Lessons], None] = lambda lessons: None,
+    report: Callable[[LearningResult], None] = lambda result: None,
     trust: bool = False,
-) -> Lessons:
+) -> LearningResult:
     """Fly a motion several times and learn a reference from its errors, as `sdt-drake learn`.
 
     Args:
@@ -54,7 +54,7 @@ def learn(
         trust: whether a Python file that the study's scenario names is run without asking.
 
     Returns:
-        All flights with their errors, the best of them, and the reason to stop.
+        All trials with their errors, the best of them, and the reason to stop.
 
     Raises:
         InputError: naming the wrong argument, or if learning would not converge.
@@ -65,8 +65,8 @@ def learn(
         >>> speeds = np.outer(np.sin(np.linspace(0, np.pi, 201)) ** 2, [0.1, 0.2, 0.2, 0.3])
         >>> motion = sdt.Motion.from_speeds(0.005, np.zeros(4), speeds)
         >>> scenario = sdt.load("wrong_model", {"controller.kind": "p_pi"})
-        >>> lessons = sdt.learn(sdt.design(scenario, motion=motion), flights=2)
-        >>> [float(np.rad2deg(flight.largest.max()).round(3)) for flight in lessons.flights]  # deg
+        >>> result = sdt.learn(sdt.design(scenario, motion=motion), flights=2)
+        >>> [float(np.rad2deg(trial.largest.max()).round(3)) for trial in result.trials]  # deg
         [0.058, 0.013]
     """
     whole_number(flights, "flights")
@@ -74,7 +74,7 @@ def learn(
     with trusting(trust):
         filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
     refuse_divergence(checks, filter_)
-    return fly_and_learn(design, filter_, flights, stops=stops, report=report)
+    return run_and_learn(design, filter_, flights, stops=stops, report=report)
 
 
 def learning_filter(

@@ -1,7 +1,7 @@
-"""The state of learning from recordings of a real machine, kept in a folder between flights.
+"""The state of learning from recordings of a real machine, kept in a folder between trials.
 
-The folder contains the scenario and two files for each flight, numbered from 1. They are its
-reference (`reference_02.csv`; the first flight follows the planned motion) and its result
+The folder contains the scenario and two files for each trial, numbered from 1. They are its
+reference (`reference_02.csv`; the first trial follows the planned motion) and its result
 (`flight_01.yaml`, written last). Files are never changed. A learning process locks the folder.
 """
 
@@ -33,8 +33,8 @@ from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.diagnose.spikes import without_spikes
 from sdt_drake.machine.learn.filter import LearningFilter
-from sdt_drake.machine.learn.flights import Step, next_step
 from sdt_drake.machine.learn.matching import Matched, match
+from sdt_drake.machine.learn.trials import Step, next_step
 from sdt_drake.machine.recordings import Recorded, check_different
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.run.design import Design
@@ -44,13 +44,13 @@ SCENARIO = "scenario.yaml"
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightRecord(Input):
-    """The result of a real flight from its recordings: one file in the folder of the learning."""
+class TrialRecord(Input):
+    """The result of a real trial from its recordings: one file in the folder of the learning."""
 
     reference: Whole = setting(1, ge=1)
     """Number of the flown reference; 1 is the planned motion."""
     recordings: Whole = setting(1, ge=1)
-    """Number of recordings of the flight."""
+    """Number of recordings of the trial."""
     largest: EachJoint[NotNegative] = setting(unit="rad", side="joint")
     """Largest |error| of the recordings' mean."""
     rms: EachJoint[NotNegative] = setting(unit="rad", side="joint")
@@ -78,17 +78,17 @@ class FlightRecord(Input):
 
 
 class State(NamedTuple):
-    """The state of a learning: the flights so far, and the references that may be flown next."""
+    """The state of a learning: the trials so far, and the references that may be flown next."""
 
-    flights: list[FlightRecord]
-    """Results of the flights."""
+    trials: list[TrialRecord]
+    """Results of the trials."""
     references: list[LearnedReference]
-    """References of all flights and of the next one; the first is the planned motion."""
+    """References of all trials and of the next one; the first is the planned motion."""
 
     @property
-    def best(self) -> FlightRecord:
-        """The flight with the smallest repeating error."""
-        return min(self.flights, key=lambda flight: flight.score)
+    def best(self) -> TrialRecord:
+        """The trial with the smallest repeating error."""
+        return min(self.trials, key=lambda trial: trial.score)
 
 
 def read_state(folder: Path, design: Design) -> State:
@@ -98,63 +98,63 @@ def read_state(folder: Path, design: Design) -> State:
         InputError: with the file, if it is missing or belongs to another motion.
     """
     references = [LearnedReference(design.motion, design.learned_torque)]
-    flights: list[FlightRecord] = []
-    for number in range(1, 1 + count_flights(folder)):
-        file = flight_file(folder, number)
-        flight, _ = load_yaml(FlightRecord, file)
-        check_joints(flight, file, design.robot.n)
-        if flight.reference > len(references):
+    trials: list[TrialRecord] = []
+    for number in range(1, 1 + count_trials(folder)):
+        file = trial_file(folder, number)
+        trial, _ = load_yaml(TrialRecord, file)
+        check_joints(trial, file, design.robot.n)
+        if trial.reference > len(references):
             raise InputError(
-                f"{file}: reference: {flight.reference}, expected 1 to {len(references)}"
+                f"{file}: reference: {trial.reference}, expected 1 to {len(references)}"
             )
-        flights.append(flight)
+        trials.append(trial)
         path = reference_file(folder, number + 1)
         margin = design.scenario.torque_margin
         references.append(load_learned(path, design.wanted, design.nominal, torque_margin=margin))
-    return State(flights, references)
+    return State(trials, references)
 
 
-def count_flights(folder: Path) -> int:
-    """Return the number of flights in a folder."""
-    return next(i for i in itertools.count() if not flight_file(folder, i + 1).exists())
+def count_trials(folder: Path) -> int:
+    """Return the number of trials in a folder."""
+    return next(i for i in itertools.count() if not trial_file(folder, i + 1).exists())
 
 
-def flight_file(folder: Path, number: int) -> Path:
-    """Return the path of a flight's result."""
+def trial_file(folder: Path, number: int) -> Path:
+    """Return the path of a trial's result."""
     return folder / f"flight_{number:02d}.yaml"
 
 
 def reference_file(folder: Path, number: int) -> Path:
-    """Return the path of a flight's reference. The first flight has none: it is planned."""
+    """Return the path of a trial's reference. The first trial has none: it is planned."""
     return folder / f"reference_{number:02d}.csv"
 
 
-class Taught(NamedTuple):
-    """The result of learning from the recordings of a flight."""
+class Update(NamedTuple):
+    """The result of learning from the recordings of a trial."""
 
-    flight: FlightRecord
-    """Result of the flight."""
+    trial: TrialRecord
+    """Result of the trial."""
     step: Step
-    """Learning step to the next flight."""
+    """Learning step to the next trial."""
     findings: list[Finding]
     """What the recordings show, and what was assumed."""
 
 
-def teach(
+def update(
     design: Design,
     filter_: LearningFilter,
     state: State,
     recordings: Sequence[Recorded],
     known: int | None = None,
-) -> Taught:
-    """Learn from recordings of the next flight, or of an earlier reference flown again.
+) -> Update:
+    """Learn from recordings of the next trial, or of an earlier reference flown again.
 
     Args:
         design: design of the loop.
         filter_: learning filter for the loop.
-        state: state before the flight.
-        recordings: recordings of one flight each, all of the same reference.
-        known: number of flights in the state when the recordings were made; all by default. Later
+        state: state before the trial.
+        recordings: recordings of one trial each, all of the same reference.
+        known: number of trials in the state when the recordings were made; all by default. Later
             references are left out, and the last one before is expected.
 
     Raises:
@@ -173,8 +173,8 @@ def teach(
             "recordings of one reference"
         )
     number = flown.pop()
-    flight = _record(design.wanted.q, found, number + 1)
-    _refuse_growth(flight, state, recordings[0].path)
+    trial = _record(design.wanted.q, found, number + 1)
+    _refuse_growth(trial, state, recordings[0].path)
     error = np.mean([one.q for one in found], axis=0) - design.wanted.q
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
@@ -183,18 +183,18 @@ def teach(
         for recorded in recordings
         for note in recorded.notes
     ]
-    findings += _checked(flight, step, state)
+    findings += _checked(trial, step, state)
     for one, recorded in zip(found, recordings, strict=True):
         if one.reference < 0:
             planned = "its q_ref is the planned motion, as in files of `simulate`"
             why = planned if recorded.of_links else "it has no q_ref"
             text = f"{why}; the expected reference is assumed"
             findings.append(Finding("assumed", text, source=f"{recorded.path}"))
-    return Taught(flight, step, findings)
+    return Update(trial, step, findings)
 
 
-def _record(planned: Array, found: Sequence[Matched], reference: int) -> FlightRecord:
-    """Return the result of a flight, with repeating error and noise separated.
+def _record(planned: Array, found: Sequence[Matched], reference: int) -> TrialRecord:
+    """Return the result of a trial, with repeating error and noise separated.
 
     The variance of m recordings has m - 1 degrees of freedom. Their mean has 1/m of it.
     """
@@ -204,7 +204,7 @@ def _record(planned: Array, found: Sequence[Matched], reference: int) -> FlightR
     if count > 1:
         variance = np.mean(np.var(flown, axis=0, ddof=1), axis=0)
         square, floor = np.maximum(square - variance / count, 0), np.sqrt(variance)
-    return FlightRecord(
+    return TrialRecord(
         reference=reference,
         recordings=count,
         largest=np.abs(error).max(axis=0).tolist(),
@@ -214,37 +214,37 @@ def _record(planned: Array, found: Sequence[Matched], reference: int) -> FlightR
     )
 
 
-def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
-    """Raise InputError if the repeating error is clearly larger than that of the best flight."""
-    best = State([*state.flights, flight], []).best
-    if flight.score > c.MAX_GROWTH * best.score + flight.noise + best.noise:
+def _refuse_growth(trial: TrialRecord, state: State, path: Path) -> None:
+    """Raise InputError if the repeating error is clearly larger than that of the best trial."""
+    best = State([*state.trials, trial], []).best
+    if trial.score > c.MAX_GROWTH * best.score + trial.noise + best.noise:
         raise InputError(
             f"{path}: the error has grown from {np.degrees(best.score):.4g} to "
-            f"{np.degrees(flight.score):.4g} deg (RMS of all joints), so nothing is learned; fly "
+            f"{np.degrees(trial.score):.4g} deg (RMS of all joints), so nothing is learned; fly "
             f"the best so far: {best.flown(Path())}"
         )
 
 
-def _checked(flight: FlightRecord, step: Step, state: State) -> Iterator[Finding]:
-    """Yield what a flight shows beside those before, and the limit of the step to the next one."""
-    noise = np.array(flight.floor) / math.sqrt(flight.recordings)
-    if flight.floor and np.all(flight.rms < noise):
-        evidence = {"error_rad": flight.score, "noise_rad": flight.noise}
+def _checked(trial: TrialRecord, step: Step, state: State) -> Iterator[Finding]:
+    """Yield what a trial shows beside those before, and the limit of the step to the next one."""
+    noise = np.array(trial.floor) / math.sqrt(trial.recordings)
+    if trial.floor and np.all(trial.rms < noise):
+        evidence = {"error_rad": trial.score, "noise_rad": trial.noise}
         yield Finding("noise", "the repeating error is below the noise; stop here", (), evidence)
-    elif state.flights and flight.score > (1 - c.MIN_GAIN) * state.best.score:
-        evidence = {"error_rad": flight.score, "before_rad": state.best.score}
+    elif state.trials and trial.score > (1 - c.MIN_GAIN) * state.best.score:
+        evidence = {"error_rad": trial.score, "before_rad": state.best.score}
         text = f"the flight reduced the repeating error by less than {100 * c.MIN_GAIN:g} %; stop "
         yield Finding("converged", text + "here", (), evidence)
     if step.note:
         yield Finding("limited", step.note, (), {"share": step.share})
 
 
-def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Path:
-    """Write the result of a flight and the next one's reference; return the path of the latter."""
-    number = len(state.flights) + 1
-    with replacing_files(folder, last=flight_file(folder, number).name) as new:
+def write_step(folder: Path, design: Design, state: State, made: Update) -> Path:
+    """Write the result of a trial and the next one's reference; return the path of the latter."""
+    number = len(state.trials) + 1
+    with replacing_files(folder, last=trial_file(folder, number).name) as new:
         if number == 1:
             save_scenario(design.scenario, new / SCENARIO)
-        taught.step.learned.to_csv(reference_file(new, number + 1), design.wanted)
-        write_yaml(flight_file(new, number), taught.flight)
+        made.step.learned.to_csv(reference_file(new, number + 1), design.wanted)
+        write_yaml(trial_file(new, number), made.trial)
     return reference_file(folder, number + 1)

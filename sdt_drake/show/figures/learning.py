@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.learn.filter import Convergence, LearningFilter
-from sdt_drake.machine.learn.flights import Flight
+from sdt_drake.machine.learn.trials import Trial
 from sdt_drake.show.panels import over_time, picture
 from sdt_drake.show.style import (
     PALETTE,
@@ -57,7 +57,7 @@ def checks(
         return finish(figure, title)
 
 
-def errors(title: str, time: Array, flown: Sequence[Flight], joint_names: Sequence[str]) -> Figure:
+def errors(title: str, time: Array, flown: Sequence[Trial], joint_names: Sequence[str]) -> Figure:
     """Draw position errors of flights over time, a panel for each joint."""
     lines = [
         (f"flight {flight.number}", Look(PALETTE[i]), np.degrees(flight.error))
@@ -70,7 +70,7 @@ def errors(title: str, time: Array, flown: Sequence[Flight], joint_names: Sequen
     )
 
 
-def flights(title: str, flown: Sequence[Flight], joint_names: Sequence[str]) -> Figure:
+def flights(title: str, flown: Sequence[Trial], joint_names: Sequence[str]) -> Figure:
     """Draw largest and RMS error, share of felt time, and peak torque over the flights."""
     number = [flight.number for flight in flown]
     panels = (

@@ -12,7 +12,7 @@ from sdt_drake.io.files import replacing_files
 from sdt_drake.io.shown import formatted
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.learn.filter import Convergence, LearningFilter
-from sdt_drake.machine.learn.flights import Flight, Lessons
+from sdt_drake.machine.learn.trials import LearningResult, Trial
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report
@@ -55,7 +55,7 @@ def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table
     return Table(header, rows)
 
 
-def flight_numbers(flight: Flight) -> dict[str, str | list[str]]:
+def flight_numbers(flight: Trial) -> dict[str, str | list[str]]:
     """Return the numbers of a flight by name: a text, or a text per joint."""
     return {
         "flight": f"{flight.number}",
@@ -66,9 +66,9 @@ def flight_numbers(flight: Flight) -> dict[str, str | list[str]]:
     }
 
 
-def learning_summary(lessons: Lessons) -> list[str]:
+def learning_summary(result: LearningResult) -> list[str]:
     """Return the result of the learning, why it ended, and notes on flights, as sentences."""
-    first, best = lessons.flights[0], lessons.best
+    first, best = result.trials[0], result.best
     worst = int(first.largest.argmax())
     lines = [
         f"best: flight {best.number}; the largest position error (joint {worst + 1}) fell from "
@@ -77,26 +77,26 @@ def learning_summary(lessons: Lessons) -> list[str]:
         else f"best: flight {best.number}, the first one; the largest position error is "
         f"{np.degrees(first.largest[worst]):.4f} deg (joint {worst + 1})"
     ]
-    if lessons.reason:
-        lines.append(f"stopped after flight {lessons.flights[-1].number}: {lessons.reason}")
-    notes = (f"flight {n}: {step.note}" for n, step in enumerate(lessons.steps, 2) if step.note)
+    if result.reason:
+        lines.append(f"stopped after flight {result.trials[-1].number}: {result.reason}")
+    notes = (f"flight {n}: {step.note}" for n, step in enumerate(result.steps, 2) if step.note)
     return [*lines, *notes]
 
 
-def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
+def write_learned(folder: Path, design: Design, result: LearningResult) -> None:
     """Write the best reference, a scenario with it, and the table of flights, all or none.
 
     Args:
         folder: the folder.
         design: the design of the first flight.
-        lessons: the flights so far.
+        result: the flights so far.
     """
     name = f"{design.scenario.name}_learned"
     scenario = design.scenario.changed({"name": name, "learned": LEARNED})
     with replacing_files(folder) as new:
-        lessons.best.learned.to_csv(new / LEARNED, design.wanted)
+        result.best.learned.to_csv(new / LEARNED, design.wanted)
         save_scenario(scenario, new / SCENARIO)
-        _write_flights(new / FLIGHTS, lessons.flights)
+        _write_flights(new / FLIGHTS, result.trials)
 
 
 def remove_unfinished(folder: Path) -> None:
@@ -112,7 +112,7 @@ def write_learning_report(
     design: Design,
     filter_: LearningFilter,
     checks: Sequence[Convergence],
-    lessons: Lessons,
+    result: LearningResult,
 ) -> Path:
     """Write figures and report of the learning, and return the path of the page.
 
@@ -121,19 +121,19 @@ def write_learning_report(
         design: the design of the first flight.
         filter_: the learning filter.
         checks: checks of its convergence.
-        lessons: the flights.
+        result: the flights.
     """
-    names, first, best = design.robot.joint_names, lessons.flights[0], lessons.best
+    names, first, best = design.robot.joint_names, result.trials[0], result.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
-    rows = [flight_numbers(flight) for flight in lessons.flights]
-    answer, *more = map(capital, learning_summary(lessons))
+    rows = [flight_numbers(trial) for trial in result.trials]
+    answer, *more = map(capital, learning_summary(result))
     flights: list[Block] = [
         spread(list(rows[0]), [list(row.values()) for row in rows]),
         Picture(
             "flights.png",
             "Errors, share of felt time, and torques by flight.",
-            figures.flights(f"{title}, by flight", lessons.flights, names),
+            figures.flights(f"{title}, by flight", result.trials, names),
         ),
         Picture(
             "errors.png",
@@ -167,7 +167,7 @@ def write_learning_report(
     return Report(f"{title}: learned", lead, sections).write(folder)
 
 
-def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
+def _write_flights(path: Path, flights: Sequence[Trial]) -> None:
     """Write the table of flights: errors [rad], shares of torque and of time [-]."""
     columns = {
         "max_abs_position_error": np.array([flight.largest for flight in flights]),

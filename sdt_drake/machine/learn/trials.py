@@ -10,6 +10,7 @@ import numpy as np
 
 from sdt_drake.analysis.tracking import motor_use, track_head
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.diagnose import constants as c
@@ -24,11 +25,11 @@ _HALVINGS = 12  # in the search for the largest share of a step
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
-    """The result of a flight."""
+class Trial:
+    """The result of a trial: one flight of the motion."""
 
     number: int
-    """Number of the flight, from 1; the first one follows the planned motion."""
+    """Number of the trial, from 1; the first one follows the planned motion."""
     learned: LearnedReference
     """Learned reference that was flown."""
     error: Array
@@ -52,12 +53,12 @@ class Flight:
         return float(np.sqrt(np.mean(self.rms**2)))
 
 
-def fly(design: Design, number: int) -> Flight:
-    """Simulate a design and return the result as a flight."""
+def run_trial(design: Design, number: int) -> Trial:
+    """Simulate a design and return the result as a trial."""
     recording, planned = simulate(design), design.wanted.q
     error = recording.q - planned
     felt = track_head(recording, design.robot).felt.share if has_head(design.robot) else np.nan
-    return Flight(
+    return Trial(
         number=number,
         learned=LearnedReference(design.motion, design.learned_torque),
         error=error,
@@ -71,10 +72,10 @@ def fly(design: Design, number: int) -> Flight:
 
 
 class Step(NamedTuple):
-    """A learning step from one flight to the next."""
+    """A learning step from one trial to the next."""
 
     learned: LearnedReference
-    """Learned reference of the next flight."""
+    """Learned reference of the next trial."""
     share: float
     """Share of the full step that the limits allow [-]; 1 for torques, which are clipped."""
     limit: str
@@ -89,10 +90,10 @@ class Step(NamedTuple):
 
 
 def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
-    """Return the learning step to the next flight, reduced until it is within the limits.
+    """Return the learning step to the next trial, reduced until it is within the limits.
 
     Args:
-        design: design of the flight.
+        design: design of the trial.
         filter_: learning filter for its loop.
         error: position error at the encoders (achieved minus planned) [rad], shape (N + 1, n).
     """
@@ -154,37 +155,37 @@ def learn(
     count: int,
     *,
     stops: bool = True,
-    report: Callable[[Lessons], None] = lambda lessons: None,
-) -> Lessons:
-    """Simulate flights and learn from each for the next.
+    report: Callable[[LearningResult], None] = lambda result: None,
+) -> LearningResult:
+    """Simulate trials and learn from each for the next.
 
     Args:
-        design: design of the first flight, with an earlier learned reference if there is one.
+        design: design of the first trial, with an earlier learned reference if there is one.
         filter_: learning filter for its loop.
-        count: maximum number of flights.
+        count: maximum number of trials.
         stops: whether to stop by `reason_to_stop`.
-        report: callback after each flight, with all flights so far.
+        report: callback after each trial, with all trials so far.
     """
-    lessons = Lessons((fly(design, 1),), (), "")
+    result = LearningResult((run_trial(design, 1),), (), "")
     while True:
-        report(lessons)
-        flights, steps = lessons.flights, lessons.steps
-        reason = reason_to_stop(flights, steps) if stops else ""
-        if reason or len(flights) >= count:
-            return replace(lessons, reason=reason)
-        step = next_step(design, filter_, flights[-1].seen)
+        report(result)
+        trials, steps = result.trials, result.steps
+        reason = reason_to_stop(trials, steps) if stops else ""
+        if reason or len(trials) >= count:
+            return replace(result, reason=reason)
+        step = next_step(design, filter_, trials[-1].seen)
         design = design.given(step.learned)
-        flight = fly(design, len(flights) + 1)
-        lessons = Lessons((*flights, flight), (*steps, step), "")
+        trial = run_trial(design, len(trials) + 1)
+        result = LearningResult((*trials, trial), (*steps, step), "")
 
 
-def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:
-    """Return the reason why another flight would not help; "" if it would."""
-    last = flights[-1]
+def reason_to_stop(trials: Sequence[Trial], steps: Sequence[Step]) -> str:
+    """Return the reason why another trial would not help; "" if it would."""
+    last = trials[-1]
     if last.felt == 0:
         return "the remaining error cannot be felt"
-    if len(flights) > 1:
-        best = min(flight.score for flight in flights[:-1])
+    if len(trials) > 1:
+        best = min(trial.score for trial in trials[:-1])
         if last.score > best:
             return "the error has grown; the reference of the best flight is kept"
         if last.score > (1 - c.MIN_GAIN) * best:
@@ -195,31 +196,37 @@ def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Lessons(Shown):
-    """A series of flights with the learning steps between them."""
+class LearningResult(Shown):
+    """A series of trials with the learning steps between them."""
 
-    flights: tuple[Flight, ...]
+    trials: tuple[Trial, ...]
     """Flights in their order."""
     steps: tuple[Step, ...]
-    """Steps to each flight but the first."""
+    """Steps to each trial but the first."""
     reason: str
-    """Reason for stopping before the maximum number of flights; "" if none."""
+    """Reason for stopping before the maximum number of trials; "" if none."""
+
+    @property
+    def flights(self) -> tuple[Trial, ...]:
+        """`trials`, under the name that goes in 0.7."""
+        renamed("flights", "trials")
+        return self.trials
 
     def summary(self) -> Summary:
         rows = [
             [
-                f"{flight.number}",
-                f"{np.degrees(flight.largest.max()):.4f}",
-                f"{np.degrees(flight.score):.5f}",
-                formatted(100 * flight.felt, ".1f"),
+                f"{trial.number}",
+                f"{np.degrees(trial.largest.max()):.4f}",
+                f"{np.degrees(trial.score):.5f}",
+                formatted(100 * trial.felt, ".1f"),
             ]
-            for flight in self.flights
+            for trial in self.trials
         ]
         header = ("flight", "largest error [deg]", "RMS error [deg]", "felt [% of time]")
         end = f", stopped: {self.reason}" if self.reason else ""
         return Summary(f"of {len(rows)} flight(s), best: {self.best.number}{end}", header, rows)
 
     @property
-    def best(self) -> Flight:
-        """The flight with the least error."""
-        return min(self.flights, key=lambda flight: flight.score)
+    def best(self) -> Trial:
+        """The trial with the least error."""
+        return min(self.trials, key=lambda trial: trial.score)
