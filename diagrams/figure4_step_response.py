@@ -41,7 +41,8 @@ def simulate(gains, i_eff, v_ref=1.0, load_torque=0.0):
     reference = add("reference", ConstantVectorSource(np.hstack([0 * r, v_ref * r, 0 * r])))
     load = add("load_torque", ConstantVectorSource(load_torque * r))
     for name, own in gains.items():
-        controller = systems.pi_speed_controller(gains=own, gear_ratio=r, structure=name)
+        b = {"pi": 1.0, "p_in_feedback": 0.0}[name]  # weight of the set point, by structure
+        controller = systems.pi_speed_controller(gains=own, gear_ratio=r, setpoint_weight=b)
         pi = add(f"{name}.controller", controller)
         motors = add(f"{name}.motors", systems.axis_process(i_eff=i_eff, gear_ratio=r))
         logs[name] = add(f"{name}.log", VectorLogSink(2 * n, 1e-4))

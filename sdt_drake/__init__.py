@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from sdt_drake.motion import load_plan as plan
     from sdt_drake.pilot.orientation import perceive
     from sdt_drake.robot.robot import load_robot
-    from sdt_drake.run.controllers import Controller, register_controller
+    from sdt_drake.run.controllers import Controller, ControllerOptions, register_controller
     from sdt_drake.run.design import make_design as design
     from sdt_drake.run.loop import make_loop as loop
     from sdt_drake.run.scenario import Scenario
@@ -76,14 +76,15 @@ _PLACES = {
     "Motion": "motion:Motion",
     "Recording": "run.simulate:Recording",
     "Controller": "run.controllers:Controller",
+    "ControllerOptions": "run.controllers:ControllerOptions",
     "register_controller": "run.controllers:register_controller",
     "InputError": "io.errors:InputError",
 }
 __all__ = [
-    "Controller", "InputError", "Motion", "Recording", "Scenario", "bode", "compare", "design",
-    "export", "fly", "identify", "judge", "learn", "linear", "load", "load_robot", "loop",
-    "perceive", "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay",
-    "save", "simulate", "step", "track", "tune", "view",
+    "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario", "bode",
+    "compare", "design", "export", "fly", "identify", "judge", "learn", "linear", "load",
+    "load_robot", "loop", "perceive", "plan", "plots", "plots_motion", "plots_pilot",
+    "register_controller", "replay", "save", "simulate", "step", "track", "tune", "view",
 ]  # fmt: skip
 
 

@@ -67,7 +67,7 @@ class Motors:
         self.share = np.where(is_scheduled, side_by_side(lambda d: d.inertia_share), 1.0)
         error = side_by_side(lambda d: np.array(d.drive.torque_error or np.zeros(4)))
         self.given = 1 + error
-        self.p_on_error = choices(lambda s: s.controller.structure_in_use == "pi")
+        self.p_on_error = choices(lambda s: s.controller.setpoint_weight)
         self.amplitude = choices(lambda s: s.disturbance.amplitude)
         self.omega_d = choices(lambda s: s.disturbance.omega_d)
 

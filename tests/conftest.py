@@ -52,14 +52,18 @@ def _no_screen():
 
 
 @pytest.fixture(autouse=True)
-def _only_shipped_controllers():
+def _only_shipped_controllers(monkeypatch):
     """Forget controllers that a test registers: schemas and messages list all of them."""
-    from sdt_drake.run.kinds import CONTROLLERS
+    from sdt_drake.io.schema import schema_of
+    from sdt_drake.run import options
+    from sdt_drake.run.controllers import SHIPPED
 
-    before = dict(CONTROLLERS)
+    monkeypatch.setattr(options, "_loaded", {})
     yield
-    CONTROLLERS.clear()
-    CONTROLLERS.update(before)
+    if options.CONTROLLERS != SHIPPED:
+        options.CONTROLLERS.clear()
+        options.CONTROLLERS.update(SHIPPED)
+        schema_of.cache_clear()
 
 
 @pytest.fixture(autouse=True)
@@ -94,23 +98,6 @@ def _nothing_is_trusted(_no_home, monkeypatch):
     monkeypatch.setattr(trust, "_accepted", set())
     yield
     shutil.rmtree(_no_home / "sdt_drake", ignore_errors=True)
-
-
-@pytest.fixture(scope="session")
-def _shipped_controllers():
-    from sdt_drake.run import kinds
-
-    return dict(kinds.CONTROLLERS)
-
-
-@pytest.fixture(autouse=True)
-def _own_controllers_end_with_their_test(_shipped_controllers, monkeypatch):
-    from sdt_drake.run import kinds
-
-    monkeypatch.setattr(kinds, "_loaded", {})
-    yield
-    kinds.CONTROLLERS.clear()
-    kinds.CONTROLLERS.update(_shipped_controllers)
 
 
 # --- made once -------------------------------------------------------------------------------

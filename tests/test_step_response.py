@@ -12,7 +12,7 @@ from second_order import Formula
 
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.paper.published import FIGURE4, FIGURE4_ZETA, OMEGA_R, table1
-from sdt_drake.systems.gains import SpeedGains, tune
+from sdt_drake.systems.gains import STRUCTURES, SpeedGains, tune
 
 SCRIPT = Path(__file__).resolve().parents[1] / "diagrams/figure4_step_response.py"
 I_MAX, K_PS, K_IS = (np.array(table1(x)) for x in ("i_eff_max", "kp", "ki"))
@@ -66,17 +66,17 @@ def test_damping_is_that_of_table_1(level):
 @pytest.mark.parametrize("level", INERTIA)
 @pytest.mark.parametrize("structure", FIGURE4)
 def test_a_step_of_the_reference_follows_the_formula(on_table1, level, structure):
-    t, speeds = on_table1[level]
+    (t, speeds), b = on_table1[level], STRUCTURES[structure]
     for axis, v in zip(formulas(level), speeds[structure].T, strict=True):
-        np.testing.assert_allclose(v, axis.reference_step(structure, t), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(v, axis.reference_step(b, t), rtol=0, atol=1e-9)
         m = step_metrics(t, v, y0=0, y_final=1)
-        assert (m.rise_time, m.settling_time) == pytest.approx(axis.times(structure), abs=1.1e-5)
-        assert m.overshoot_percent == pytest.approx(axis.overshoot_percent(structure), abs=1e-4)
+        assert (m.rise_time, m.settling_time) == pytest.approx(axis.times(b), abs=1.1e-5)
+        assert m.overshoot_percent == pytest.approx(axis.overshoot_percent(b), abs=1e-4)
         assert abs(m.steady_state_error) < 2e-5
 
 
 def test_an_overshoot_is_that_of_the_zero(on_table1):
-    """With P in the feedback there is none at zeta >= 1; the zero of the other gives 7 to 14 %."""
+    """Of I-P there is none at zeta >= 1; the zero of the other gives 7 to 14 %."""
     _, speeds = on_table1["min"]
     over = {x: 100 * (v.max(axis=0) - 1) for x, v in speeds.items()}
     assert np.all(over["p_in_feedback"] < 1e-9)

@@ -27,10 +27,10 @@ from sdt_drake.io.files import write_csv
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher
 from sdt_drake.pilot.head import has_head
+from sdt_drake.run.controllers import CONTROLLERS, ChosenFeedforward
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.loop import make_loop
-from sdt_drake.run.scenario import ControllerChoice, Scenario
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording, simulate
 from sdt_drake.run.threads import threads
 from sdt_drake.systems.gains import FEEDFORWARDS
@@ -88,9 +88,7 @@ class Compared:
     @property
     def needs(self) -> tuple[str, ...]:
         """Model data that the controller requires for commissioning."""
-        choice = self.design.scenario.controller
-        needs = CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use)
-        return (*needs, "joints' friction") if choice.friction_compensation else needs
+        return self.design.scenario.controller.all_needs
 
 
 class Comparison(list[Compared], Shown):
@@ -180,11 +178,12 @@ def controller_changes(label: str) -> dict[str, Any]:
         InputError: the label is unknown.
     """
     kind, feedforward = _parsed(label, "controllers")
-    taken = CONTROLLERS[kind].options
-    options = {x.name: x.default for x in fields(ControllerChoice) if x.name in OPTIONS}
-    changes = {name: default for name, default in options.items() if name not in taken}
+    options = CONTROLLERS[kind]
+    taken = {field.name for field in fields(options)}
+    known = {x.name: x.default for c in CONTROLLERS.values() for x in fields(c)}
+    changes = {name: default for name, default in known.items() if name not in taken}
     changes |= {"kind": kind, "feedforward": feedforward}
-    if (feedforward or CONTROLLERS[kind].feedforward) == "none":
+    if (feedforward or options().feedforward_in_use) == "none":
         changes["feedforward_gain"] = None
     return {f"controller.{name}": value for name, value in changes.items()}
 
@@ -219,7 +218,7 @@ def _parsed(label: str, where: str) -> tuple[str, str | None]:
     one_of(kind, where, tuple(CONTROLLERS))
     if not plus:
         return kind, None
-    if "feedforward" not in CONTROLLERS[kind].options:
+    if not issubclass(CONTROLLERS[kind], ChosenFeedforward):
         raise InputError(f"'{label}', but {kind} has its own feedforward", place=where)
     return kind, one_of(feedforward, f"{where}: feedforward of {kind}", FEEDFORWARDS)
 

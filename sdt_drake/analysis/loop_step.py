@@ -19,7 +19,6 @@ from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, formatted, higher, listed, numbered
 from sdt_drake.run.controllers import (
-    controller_class,
     make_controller,
     own_code,
     start_controller,
@@ -235,8 +234,8 @@ def _as_design(design: Design | Scenario | Loop) -> Design:
     """Return a design, that of a scenario, or that of a loop of its own controller."""
     if not isinstance(design, Loop):
         return as_design(design)
-    kind = design.design.scenario.controller.kind
-    if design.owner is not controller_class(kind) or not design.is_planned:
+    own = type(design.design.scenario.controller)
+    if design.owner is not own or not design.is_planned:
         raise InputError(
             "a loop with a reference or a controller from outside, expected one with those of its "
             "scenario (your own controller: register_controller)",

@@ -25,7 +25,6 @@ from sdt_drake.io.progress import with_progress
 from sdt_drake.robot.device import Drive, Elasticity, Encoder
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
-from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 from sdt_drake.systems.state_space import StateSpace
 
@@ -129,7 +128,7 @@ def stability_sweep(
 
 def stands_alone(design: Design) -> bool:
     """Return whether the controller can be swept on each axis alone."""
-    return "axis" in CONTROLLERS[design.scenario.controller.kind].plants
+    return "axis" in design.scenario.controller.plants
 
 
 def own_ratio(design: Design, omega_r: float) -> Array:

@@ -30,16 +30,20 @@ def names(*kinds: str) -> Callable[[CompletionContext], list[str]]:
 
 def controllers(context: CompletionContext) -> list[str]:
     """Complete the last controller of a list with commas."""
-    from sdt_drake.run.kinds import CONTROLLERS
-
+    kind = _scenario_schema()["$defs"]["ControllerOptions"]["properties"]["kind"]
     before, comma, _ = context.incomplete.rpartition(",")
-    return [f"{before}{comma}{kind}" for kind in CONTROLLERS]
+    return [f"{before}{comma}{name}" for name in kind["examples"]]
 
 
 def fields(context: CompletionContext) -> list[str]:
     """Complete fields of a scenario with each choice, or with the default value."""
-    schema = json.loads((models_dir() / "schemas" / "scenario.json").read_text(encoding="utf-8"))
-    return [line for name, node in schema_leaves(schema) for line in _lines(name, node)]
+    leaves = [x for x in schema_leaves(_scenario_schema()) if "deprecated" not in x[1]]
+    return [line for name, node in leaves for line in _lines(name, node)]
+
+
+def _scenario_schema() -> Schema:
+    text = (models_dir() / "schemas" / "scenario.json").read_text(encoding="utf-8")
+    return json.loads(text)
 
 
 def _lines(name: str, node: Schema) -> list[str]:

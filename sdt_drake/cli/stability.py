@@ -53,7 +53,7 @@ def run(
     """
     from sdt_drake.analysis.stability import IDEAL, MIN_OMEGA_R, own_ratio, stability_sweep
     from sdt_drake.robot.device import ENCODERS
-    from sdt_drake.run.controllers import controller_class
+    from sdt_drake.run.controllers import feedback_of
 
     common.check_out(out, show, RESULT_TABLES)
     if omega_r is not None:
@@ -76,7 +76,7 @@ def run(
     for place, by_drive in sweeps.items():
         limit = by_drive[label].unstable_from  # of the last drive, the scenario's
         echo(f"{chosen.name}, encoder on the {place}: {_verdict(own, limit, names)}")
-    echo(f"{choice.label}: {controller_class(choice.kind).in_words(design)}")
+    echo(f"{choice.label}: {feedback_of(design).in_words(design)}")
     echo(f"elastic joints: omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
     echo()
     for place, by_drive in sweeps.items():
@@ -165,7 +165,6 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
 def _notes(design: Design, omega_r: float) -> list[str]:
     """Return notes on the sweep: inertia, sampling, and what of the scenario is left out."""
     from sdt_drake.analysis.stability import own_ratio, stands_alone
-    from sdt_drake.run.kinds import CONTROLLERS
 
     plant, choice = design.scenario.plant, design.scenario.controller
     if not stands_alone(design):
@@ -181,7 +180,7 @@ def _notes(design: Design, omega_r: float) -> list[str]:
     notes.append(f"omega_n / omega_r of the scenario's own gains: {own}")
     if design.drive.period is not None and stands_alone(design):
         notes.append("The scenario's drive samples with its own period.")
-    if "position_gain" in CONTROLLERS[choice.kind].options:
+    if hasattr(choice, "position_gain"):
         notes.append(f"Positions are sampled every {design.motion.period:g} s.")
     if choice.feedforward_in_use != "none":
         notes.append("note: the feedforward is left out; it does not affect damping or stability")

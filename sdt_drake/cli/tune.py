@@ -95,7 +95,8 @@ def _of_scenario(path: str, given: Mapping[str, Any], changes: Changes) -> Desig
 
 def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str, Any]) -> Design:
     from sdt_drake.motion import INTERPOLATION_PERIOD
-    from sdt_drake.run.scenario import ControllerChoice, Scenario
+    from sdt_drake.run.controllers import Pi
+    from sdt_drake.run.scenario import Scenario
 
     omega_r, zeta = given.values()
     if omega_r is None and not _is_shipped(robot):
@@ -116,7 +117,7 @@ def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str
             robot=robot,
             motion=motion,
             period=period or INTERPOLATION_PERIOD,
-            controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
+            controller=Pi(omega_r=omega_r, zeta=zeta),
         )
         return sdt.design(scenario)
 

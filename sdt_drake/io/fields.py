@@ -156,13 +156,13 @@ def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: 
     """Declare a field of a model. A field without default is required.
 
     Args:
-        default: default value; for a model, its class.
+        default: default value; for a model, its class or a function that makes it.
         unit: unit of numbers; "-" for shares, factors and counts.
         side: "joint" or "motor", where it matters.
         rules: arguments of pydantic's `Field`.
     """
     extra: dict[str, Any] = {name: text for name, text in (("unit", unit), ("side", side)) if text}
-    if isinstance(default, type):
+    if callable(default):
         made: dict[str, Any] = {"default_factory": functools.cache(default)}
     else:
         made = {"default": default}

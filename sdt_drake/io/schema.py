@@ -61,8 +61,8 @@ class _Generator(GenerateJsonSchema):
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> Schema:
         made = super().dataclass_schema(schema)
         for name, text in _docstrings(schema["cls"]).items():
-            field = made["properties"][name]
-            made["properties"][name] = {"description": text} | field
+            if name in made["properties"]:
+                made["properties"][name] = {"description": text} | made["properties"][name]
         return made
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> Schema:

@@ -15,13 +15,13 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.show.block_diagrams import page_of, write_page
-from sdt_drake.systems.gains import tune
+from sdt_drake.systems.gains import STRUCTURES, tune
 
 
 def _step_loop(structure: str, base: Design) -> Diagram:
     i_eff = base.inertia.maximum[0]
     gains = tune([i_eff], OMEGA_R, [FIGURE4_ZETA[structure]])
-    return make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
+    return make_step_loop(gains=gains, i_eff=i_eff, setpoint_weight=STRUCTURES[structure])
 
 
 def _loop(name: str, base: Design) -> Diagram:

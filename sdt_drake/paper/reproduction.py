@@ -26,7 +26,7 @@ from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator
 from sdt_drake.run.threads import threads
-from sdt_drake.systems.gains import tune
+from sdt_drake.systems.gains import STRUCTURES, tune
 
 Announce = Callable[[str], None]
 """A function that shows one line of progress."""
@@ -141,7 +141,7 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
-    loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
+    loop = make_step_loop(gains=gains, i_eff=i_eff, setpoint_weight=STRUCTURES[structure])
     simulator = make_simulator(loop, period=duration / 500, accuracy=_STEP_ACCURACY)
     simulator.Initialize()
     state, context = loop.GetOutputPort("state"), simulator.get_context()

@@ -11,7 +11,7 @@ from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.wiring import build
 
 
-def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagram:
+def make_step_loop(*, gains: SpeedGains, i_eff: float, setpoint_weight: float) -> Diagram:
     """Make one linear speed loop without load or limit (Figures 4 and 5).
 
     The reference is a step to 1 rad/s at time 0. Output: `state`.
@@ -19,12 +19,12 @@ def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagra
     Args:
         gains: gains of one controller, motor side; arrays of length 1.
         i_eff: inertia of the axis, motor side [kg m²].
-        structure: "pi" or "p_in_feedback".
+        setpoint_weight: b [-]: 1 is PI on the error, 0 is I-P (Figure 5).
     """
     builder = DiagramBuilder()
     # q_ref, v_ref, vd_ref
     step = builder.AddNamedSystem("step_reference", ConstantVectorSource(np.array([0.0, 1.0, 0.0])))
-    pi = pi_speed_controller(gains=gains, gear_ratio=[1.0], structure=structure)
+    pi = pi_speed_controller(gains=gains, gear_ratio=[1.0], setpoint_weight=setpoint_weight)
     builder.AddNamedSystem("pi_speed_controller", pi)
     no_load = builder.AddNamedSystem("no_load", ConstantVectorSource(np.zeros(1)))
     process = axis_process(i_eff=[i_eff], gear_ratio=[1.0])

@@ -197,7 +197,7 @@ class Design(Shown):
     @property
     def position_gain(self) -> Array:
         """K_V of the position loops [1/s], shape (n,)."""
-        k_v = self.scenario.controller.position_gain
+        k_v = getattr(self.scenario.controller, "position_gain", None)
         return self.omega_n / 4 if k_v is None else np.array(k_v)
 
     @property

@@ -1,12 +1,9 @@
 """A run as data (robot, motion, plant, controller, disturbance), read from and written to YAML."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
-
-from pydantic import GetJsonSchemaHandler
-from pydantic_core import CoreSchema
 
 from sdt_drake.io.arguments import a_path, instance_of, takes, whole_periods
 from sdt_drake.io.errors import InputError
@@ -21,7 +18,7 @@ from sdt_drake.io.fields import (
     Text,
     setting,
 )
-from sdt_drake.io.names import Schema, given
+from sdt_drake.io.names import given
 from sdt_drake.io.shown import Shown, Summary
 from sdt_drake.io.trust import trusting
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
@@ -31,8 +28,8 @@ from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import Sign
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.robot.robot import DEFAULT_ROBOT
-from sdt_drake.run.kinds import CONTROLLERS, OPTIONS, load_controllers
-from sdt_drake.systems.gains import FeedforwardKind, Structure
+from sdt_drake.run.choice import OfKind, plain_pi
+from sdt_drake.run.options import ControllerOptions
 
 PlantKind = Literal["axis", "coupled"]
 
@@ -58,102 +55,6 @@ class PlantChoice(Input):
     def problems(self) -> Problems:
         if self.kind == "coupled" and self.i_eff is not None:
             yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
-
-
-@dataclass(frozen=True)
-class ControllerChoice(Input):
-    """The controller: kind, gains, feedforward and model."""
-
-    kind: Text = setting("pi", examples=[*CONTROLLERS])
-    """Name of a controller: a shipped one, or one that `file` registers."""
-    file: Annotated[str, FileOf("controllers")] = ""
-    """Python file that registers your own controllers, relative to the scenario's folder. It is run
-    once it is trusted. None by default."""
-    structure: Structure = "p_in_feedback"
-    """Structure of the PI controller: "p_in_feedback" (Figure 5), or "pi" with both gains on the
-    error. The kinds "pi_id" and "p_pi" always use "pi"."""
-    omega_r: Positive | None = setting(None, unit="rad/s")
-    """Lowest natural frequency of the robot's structure, for the SDF without changes. A chosen
-    device scales it. The gains are tuned to it."""
-    omega_ratio: Positive = setting(0.5, unit="-")
-    """Ratio omega_n / omega_r at the largest inertia."""
-    zeta: EachJoint[Positive] | None = setting(None, unit="-")
-    """Damping ratio at the largest inertia; 1 by default."""
-    kp: EachJoint[Positive] | None = setting(None, unit="N m s/rad", side="motor")
-    """Proportional gain K_PS. kp and ki replace omega_r, omega_ratio and zeta."""
-    ki: EachJoint[Positive] | None = setting(None, unit="N m/rad", side="motor")
-    """Integral gain K_IS."""
-    anti_windup: bool = False
-    """Anti-windup: whether back-calculation limits the integral of the PI controller while
-    the motor saturates."""
-    feedforward: FeedforwardKind | None = None
-    """Torque feedforward of the kinds "p_pi" and "pi_scheduled": "none" (default), "ctc",
-    "id"."""
-    feedforward_gain: EachJoint[Number] | None = setting(None, unit="-")
-    """Factor on the torque feedforward; 1 by default."""
-    friction_compensation: bool = False
-    """Friction compensation: whether the feedforward includes the plant's friction at the speed of
-    the reference."""
-    position_gain: EachJoint[Positive] | None = setting(None, unit="1/s")
-    """Position gain K_V of the kind "p_pi"; omega_n / 4 by default."""
-    model: Deviation = setting(Deviation)
-    """Errors of the controller's model of the robot; none by default."""
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> Schema:
-        """Require a file in the JSON Schema for kinds that are not shipped."""
-        made = handler(schema)
-        own = handler.resolve_ref_schema(made)
-        own["if"] = {"required": ["file"]}
-        own["else"] = {"properties": {"kind": {"enum": [*CONTROLLERS]}}}
-        return made
-
-    def problems(self) -> Problems:
-        if self.file:
-            load_controllers(self.file)
-        if self.kind not in CONTROLLERS:
-            yield "kind", f"'{self.kind}', expected one of {', '.join(CONTROLLERS)}"
-            return
-        yield from self._gain_problems()
-        # Options that the chosen kind would not use.
-        for option in fields(self):
-            takers = [kind for kind, c in CONTROLLERS.items() if option.name in c.options]
-            is_option = option.name in OPTIONS and self.kind not in takers
-            if is_option and getattr(self, option.name) != option.default:
-                yield option.name, f"{self.kind} takes none, only {', '.join(takers)}"
-        if self.feedforward_gain is not None and self.feedforward_in_use == "none":
-            yield "feedforward_gain", f"{self.kind} has no feedforward"
-
-    def _gain_problems(self) -> Problems:
-        if (self.kp is None) != (self.ki is None):
-            yield "kp" if self.kp is None else "ki", "missing, expected kp and ki or neither"
-        elif self.kp is not None:
-            for name, default in (("omega_r", None), ("omega_ratio", 0.5), ("zeta", None)):
-                if getattr(self, name) != default:
-                    yield name, "kp and ki are given; remove one or the other"
-
-    @property
-    def feedforward_in_use(self) -> str:
-        """The feedforward in use, one of FEEDFORWARDS: the chosen one, or that of the kind."""
-        return self.feedforward or CONTROLLERS[self.kind].feedforward
-
-    @property
-    def takes_feedforward(self) -> bool:
-        """True if any torque feedforward can be added to the command, as in PI loops."""
-        return CONTROLLERS[self.kind].takes_feedforward
-
-    @property
-    def structure_in_use(self) -> str:
-        """The structure of the PI controller in use: that of the kind, or the chosen one."""
-        return CONTROLLERS[self.kind].structure or self.structure
-
-    @property
-    def label(self) -> str:
-        """Short name of the controller: kind and chosen feedforward, such as "p_pi+id"."""
-        chosen = self.feedforward not in (None, "none")
-        return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
 
 @dataclass(frozen=True)
@@ -206,7 +107,7 @@ class Scenario(Input, Shown):
     """The simulated plant."""
     drive: Drive = setting(Drive)
     """Drives of the motors; ideal by default."""
-    controller: ControllerChoice = setting(ControllerChoice)
+    controller: Annotated[ControllerOptions, OfKind()] = setting(plain_pi)
     """The controller of the plant."""
     disturbance: DisturbanceChoice = setting(DisturbanceChoice)
     """Load torque that is missing in the model; none by default."""
@@ -220,9 +121,9 @@ class Scenario(Input, Shown):
                 "disturbance.omega_d",
                 f"{self.disturbance.omega_d:g}, expected at most {fastest:g} [rad/s]",
             )
-        plants = CONTROLLERS[controller.kind].plants
-        if self.plant.kind not in plants:
-            yield "controller.kind", f"{controller.kind} needs plant.kind {' or '.join(plants)}"
+        if self.plant.kind not in controller.plants:
+            plants = " or ".join(controller.plants)
+            yield "controller.kind", f"{controller.kind} needs plant.kind {plants}"
         if controller.friction_compensation and self.plant.friction.is_none:
             yield "controller.friction_compensation", "needs plant.friction"
         if self.drive.period is not None:

@@ -21,8 +21,7 @@ from sdt_drake.machine.recordings import Columns
 from sdt_drake.motion import MotionProfile
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.motors import Catalogue
-from sdt_drake.run.controllers import controller_class
-from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
+from sdt_drake.run.controllers import CONTROLLERS, option_names
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import RECORDED_COLUMNS, Recording
 from sdt_drake.show.sections import TEMPLATES, code, marked
@@ -127,15 +126,14 @@ def _written(topic: str) -> Chapter:
 
 def _controllers() -> Chapter:
     rows = []
-    for name, kind in CONTROLLERS.items():
-        text = " ".join((inspect.getdoc(controller_class(name)) or "").split("\n\n")[0].split())
-        plants, options = ", ".join(kind.plants), ", ".join(kind.options) or "none"
-        needs = ", ".join(kind.needs_with(kind.feedforward))
-        rows.append((name, plants, options, needs, text))
+    for name, options in CONTROLLERS.items():
+        text = " ".join((inspect.getdoc(options) or "").split("\n\n")[0].split())
+        plants, own = ", ".join(options.plants), ", ".join(option_names(options)) or "none"
+        rows.append((name, plants, own, ", ".join(options().all_needs), text))
     text = (
         "Values of `controller.kind` in a scenario. Options are fields of `controller` that only "
-        f"some kinds use: {', '.join(OPTIONS)}. Needs are the data that commissioning requires, "
-        "in addition to those of a chosen feedforward."
+        "some kinds use. Needs are the data that commissioning requires, in addition to those of "
+        "a chosen feedforward."
     )
     header = ("kind", "plants", "options", "needs", "meaning")
     return Chapter("Controllers", [Sheet("", text, header, rows)])

@@ -8,7 +8,8 @@ from typing import Any
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
-from sdt_drake.run.scenario import ControllerChoice, Scenario
+from sdt_drake.run.options import ControllerOptions
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.study import Study
 
 
@@ -43,4 +44,4 @@ def devices_of(design: Design, study: Study, base: Scenario, draws: int) -> list
 
 
 def _is_of_controller(targets: Sequence[object]) -> bool:
-    return any(getattr(target, "type", None) is ControllerChoice for target in targets)
+    return any(getattr(target, "type", None) is ControllerOptions for target in targets)

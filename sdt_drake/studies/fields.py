@@ -11,7 +11,8 @@ from typing import Any
 from sdt_drake.io.errors import InputError, is_within, suggestion
 from sdt_drake.io.names import parts_of, schema_at, schema_leaves, value_of
 from sdt_drake.io.schema import schema_of
-from sdt_drake.run.scenario import ControllerChoice, Scenario
+from sdt_drake.run.options import ControllerOptions
+from sdt_drake.run.scenario import Scenario
 
 Value = float | str
 
@@ -27,7 +28,7 @@ class Field:
     entry: int | None
     """Index of the entry in the list, from 0; None for the whole field."""
     type: type
-    """Type of a value: float, bool or str; ControllerChoice for the field "controller", whose
+    """Type of a value: float, bool or str; ControllerOptions for the field "controller", whose
     values are controller labels ("p_pi+id")."""
     many: bool
     """True for a list, in which every entry gets the value."""
@@ -37,7 +38,7 @@ class Field:
     @property
     def touched(self) -> list[Field]:
         """The fields that change with this one: kind and feedforward for a controller label."""
-        if self.type is ControllerChoice:
+        if self.type is ControllerOptions:
             return [find_field(f"{self.name}.{part}") for part in ("kind", "feedforward")]
         return [self]
 
@@ -95,7 +96,7 @@ def find_field(name: str) -> Field:
     if "properties" in node and name != "controller":
         fields = ", ".join(f"{name}.{field}" for field in node["properties"])
         raise InputError(f"a group of fields, expected one of {fields}", place=name)
-    kind = ControllerChoice if name == "controller" else _TYPES[node.get("items", node)["type"]]
+    kind = ControllerOptions if name == "controller" else _TYPES[node.get("items", node)["type"]]
     return Field(name, entry, kind, many and entry is None, node.get("file", ""))
 
 

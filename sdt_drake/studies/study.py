@@ -24,7 +24,8 @@ from sdt_drake.io.fields import (
     setting,
 )
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
+from sdt_drake.run.options import ControllerOptions
+from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import (
     MAX_RUNS,
     AnyDistribution,
@@ -68,7 +69,7 @@ class Variable(Input):
             yield "name", f"{self.name} is a column of the results, expected another name"
         yield from text_problems("name", self.name)
         for target in self.targets:
-            is_text = target.type in (str, bool, ControllerChoice)
+            is_text = target.type in (str, bool, ControllerOptions)
             if is_text != self.takes_texts:
                 kinds = ("numbers", "texts (!Choice)")
                 found, expected = kinds if is_text else reversed(kinds)
@@ -107,7 +108,7 @@ class Variable(Input):
         """
         changes: dict[str, Any] = {}
         for target in self.targets:
-            if target.type is ControllerChoice:
+            if target.type is ControllerOptions:
                 changes |= controller_changes(str(value))
             else:
                 changes[target.name] = target.changed(base, _converted(value, target), self.apply)
@@ -193,7 +194,7 @@ class Study(Input):
         """
         for i, variable in enumerate(self.variables):
             with within(f"variables[{i + 1}]"):
-                if any(target.type is ControllerChoice for target in variable.targets):
+                if any(target.type is ControllerOptions for target in variable.targets):
                     check_labels([*map(str, variable.examples)], "distribution.values")
                 for value in variable.examples:
                     variable.changes(base, value)

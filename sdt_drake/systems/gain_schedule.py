@@ -15,8 +15,8 @@ def gain_schedule(*, n: int) -> Diagram:
 
     The controller behind this block has the gains s K_PS and s K_IS: the same natural frequency and
     damping at every inertia. The weight is inside the integral, so a change of s does not change
-    the integral. It changes the proportional feedback: with "p_in_feedback" it acts like a load at
-    constant speed. Positions and vd_ref pass unchanged.
+    the integral. It changes the proportional feedback: with an I-P controller it acts like a load
+    at constant speed. Positions and vd_ref pass unchanged.
 
     Args:
         n: number of joints.

@@ -14,9 +14,8 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.dynamics import decouple
 from sdt_drake.robot.robot import Robot
 
-Structure = Literal["pi", "p_in_feedback"]
-STRUCTURES: tuple[Structure, ...] = get_args(Structure)
-"""Structures: PI on the speed error, or the proportional gain in the feedback path (Figure 5)."""
+STRUCTURES = {"pi": 1.0, "p_in_feedback": 0.0}
+"""Set-point weights by the names that controllers have in Figure 4: PI on the error, and I-P."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
-from sdt_drake.io.arguments import one_of, positives
-from sdt_drake.systems.gains import STRUCTURES, SpeedGains
+from sdt_drake.io.arguments import finite_number, positives
+from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.wiring import build, set_state
 
 
@@ -14,19 +14,18 @@ def pi_speed_controller(
     *,
     gains: SpeedGains,
     gear_ratio: ArrayLike,
-    structure: str = "p_in_feedback",
+    setpoint_weight: float = 0.0,
     anti_windup: bool = False,
     period: float | None = None,
 ) -> Diagram:
     """Make n independent PI speed controllers, one for each motor (Eq. 5, Figure 5).
 
-    All quantities are motor side, with motor speeds r v and r v_ref:
+    All quantities are motor side, with motor speeds r v and r v_ref, and the set-point weight b:
 
-        "pi":             tau_fb = K_IS int(r v_ref - r v) dt + K_PS (r v_ref - r v)
-        "p_in_feedback":  tau_fb = K_IS int(r v_ref - r v) dt - K_PS r v
+        tau_fb = K_IS int(r v_ref - r v) dt + K_PS (b r v_ref - r v)
 
-    Both have the same denominator; the second has no zero. The output is not limited. State: the
-    integral of the speed error of each motor.
+    The weight changes the zero alone: b = 1 is PI on the error, b = 0 is I-P (Figure 5), without a
+    zero. The output is not limited. State: the integral of the speed error of each motor.
 
     Anti-windup is by back-calculation: (tau_limited - tau_cmd) / K_PS is added to the integrated
     error. While a motor saturates, its integral follows the available torque with the time constant
@@ -36,7 +35,7 @@ def pi_speed_controller(
     Args:
         gains: K_PS and K_IS, motor side.
         gear_ratio: r [-], shape (n,), > 0.
-        structure: "pi" or "p_in_feedback".
+        setpoint_weight: b [-], >= 0.
         anti_windup: True to add anti-windup.
         period: sample period of a sampled controller [s], whose integral grows by period times the
             error at each sample. Continuous by default.
@@ -47,7 +46,7 @@ def pi_speed_controller(
         input_ports: [reference, measured]
         output_ports: [tau_fb]
     """
-    one_of(structure, "structure", STRUCTURES)
+    b = finite_number(setpoint_weight, "setpoint_weight", minimum=0)
     n, kp = len(gains.kp), gains.kp
     r = np.diag(positives(gear_ratio, "gear_ratio", n))
     zero, one = np.zeros((n, n)), np.eye(n)
@@ -77,7 +76,13 @@ def pi_speed_controller(
     tau_fb = add("tau_fb", Adder(2, n))
     connect(to_integrate.get_output_port(), integral.get_input_port())
     connect(integral.get_output_port(), k_is.get_input_port())
-    proportional_to = error if structure == "pi" else minus_v
+    proportional_to = error if b == 1 else minus_v
+    if b not in (0, 1):
+        weight = add("setpoint_weight", Gain(b, n))
+        proportional_to = add("weighted_error", Adder(2, n))
+        connect(v_ref.get_output_port(), weight.get_input_port())
+        connect(weight.get_output_port(), proportional_to.get_input_port(0))
+        connect(minus_v.get_output_port(), proportional_to.get_input_port(1))
     connect(proportional_to.get_output_port(), k_ps.get_input_port())
     connect(k_is.get_output_port(), tau_fb.get_input_port(0))
     connect(k_ps.get_output_port(), tau_fb.get_input_port(1))

@@ -37,7 +37,7 @@ def process(inertia, rotor, viscous, lag, error, springs, encoder):
 @settings(max_examples=8, phases=[Phase.generate])  # shrinking would take minutes
 @given(
     rng=GENERATORS,
-    structure=st.sampled_from(["pi", "p_in_feedback"]),
+    weight=st.sampled_from([0, 0.3, 1]),
     period=st.sampled_from([None, 0.001, 0.005]),
     lag=st.sampled_from([None, 30.0, 200.0]),
     springs=st.sampled_from([None, (120.0, 0.2), (300.0, 0.5)]),
@@ -45,7 +45,7 @@ def process(inertia, rotor, viscous, lag, error, springs, encoder):
     by_differences=st.booleans(),
 )
 def test_loops_are_those_of_python_control(
-    designed, rng, structure, period, lag, springs, encoder, by_differences
+    designed, rng, weight, period, lag, springs, encoder, by_differences
 ):
     by_differences = by_differences and period is not None  # with encoders, of positions
     inertia, (zeta, share) = ROTORS * rng.uniform(3, 20, 4), rng.uniform(0.3, 1.2, (2, 4))
@@ -61,7 +61,7 @@ def test_loops_are_those_of_python_control(
         torque_error=error.tolist(),
         encoder_resolution=[1e9] * 4 if by_differences else None,
     )
-    fields = kind("pi", structure=structure, **gains) | {
+    fields = kind("pi", setpoint_weight=weight, **gains) | {
         "plant.i_eff": inertia.tolist(),
         "plant.friction": Friction(viscous=(viscous * GEAR**2).tolist()),
         "plant.elasticity": elasticity or Elasticity(),
@@ -82,7 +82,7 @@ def test_loops_are_those_of_python_control(
             integral = control.tf([ki[k] * period], [1, -1], period)
         speed = control.tf([1, -1], [period, 0], period) * P[1, 0] if by_differences else P[0, 0]
         both = control.ss(kp[k] + integral)
-        loop, ahead = both * speed, both if structure == "pi" else integral
+        loop, ahead = both * speed, control.ss(weight * kp[k] + integral)
         closed = P[2, 0] * ahead * control.feedback(1, loop)
 
         gain, tracking = (x.frequency_response(omega).complex for x in (loop, closed))

@@ -20,24 +20,24 @@ def formula(design, joint):
 # --- the axis, by formulas --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("structure", "joint"), [("pi", 1), ("p_in_feedback", 2)])
-def test_a_step_of_the_reference_of_an_axis_follows_the_formula(designed, structure, joint):
-    design = designed("axis_pi", {"controller.structure": structure}, motion=REST)
+@pytest.mark.parametrize(("weight", "joint"), [(1, 1), (0, 2), (0.4, 3)])
+def test_a_step_of_the_reference_of_an_axis_follows_the_formula(designed, weight, joint):
+    design = designed("axis_pi", {"controller.setpoint_weight": weight}, motion=REST)
     size, k = 0.004, joint - 1
     found = sdt.step(design, joint=joint, size=size, at=0.1, duration=0.4)
-    v = size * formula(design, joint).reference_step(structure, found.time)
+    v = size * formula(design, joint).reference_step(weight, found.time)
     np.testing.assert_allclose(found.v[:, k], v, rtol=0, atol=2e-6 * size)
     assert not np.delete(found.v, k, axis=1).any() and not found.saturated.any()
     m = found.metrics["v"][k]
     assert (m.rise_time, m.settling_time) == pytest.approx(
-        formula(design, joint).times(structure), abs=1e-4
+        formula(design, joint).times(weight), abs=1e-4
     )
     assert abs(m.steady_state_error) < 1e-4 * size
-    if structure == "p_in_feedback":  # a ramp of the position is followed with 2 zeta / omega_n
+    if weight == 0:  # a ramp of the position is followed with 2 zeta / omega_n
         lag = design.gains.kp[k] / design.gains.ki[k]
         assert found.position_error[-1, k] == pytest.approx(-size * lag, rel=1e-4)
     assert found.tau_cmd[0, k] == pytest.approx(  # at once, of the proportional gain
-        design.gains.kp[k] * design.robot.gear_ratio[k] * size * (structure == "pi"), abs=1e-12
+        design.gains.kp[k] * design.robot.gear_ratio[k] * size * weight, abs=1e-12
     )
 
 
@@ -50,14 +50,14 @@ def test_a_step_of_the_load_of_an_axis_is_carried_by_the_integral(designed, join
     axis = formula(design, joint)
     speed = load * axis.load_step(found.time) / r
     np.testing.assert_allclose(found.v[:, k], speed, rtol=0, atol=2e-6 * np.abs(speed).max())
-    torque = load * axis.reference_step("pi", found.time)
+    torque = load * axis.reference_step(1, found.time)
     np.testing.assert_allclose(found.tau[:, k], torque, rtol=0, atol=2e-6 * load)
     m = found.metrics
     assert abs(m["v"][k].steady_state_error) < 1e-6
     assert m["position_error"][k].steady_state_error == pytest.approx(
         -load / (design.gains.ki[k] * r), rel=1e-5
     )
-    assert m["tau"][k].overshoot_percent == pytest.approx(axis.overshoot_percent("pi"), abs=2e-3)
+    assert m["tau"][k].overshoot_percent == pytest.approx(axis.overshoot_percent(1), abs=2e-3)
 
 
 def test_steps_of_an_axis_superpose_whether_it_rests_or_moves(designed):

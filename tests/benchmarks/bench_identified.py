@@ -28,8 +28,8 @@ from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import make_design
-from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
 

@@ -23,7 +23,7 @@ from sdt_drake.io.schema import Schema, inner, schema_of
 from sdt_drake.machine.learn.state import TrialRecord
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import load_catalogue
-from sdt_drake.run.kinds import CONTROLLERS
+from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.scenario import PlantChoice, Scenario, load_scenario
 from sdt_drake.show.reference import FILES, SCHEMAS
 from sdt_drake.studies.sizing import load_sizing
@@ -65,9 +65,14 @@ def nodes(model: type) -> Iterator[Node]:
         node = inner(node, top)
         if "properties" not in node and {"type", "enum"} & set(node):
             yield Node(place, node, data)
+        needs = node.get("else", {}).get("dependencies", {})
         for name, field in node.get("properties", {}).items():
             dotted = f"{place}.{name}".lstrip(".")
-            yield from within(field, dotted, lambda value, name=name: data({name: value}))
+            kinds = needs.get(name, {}).get("properties", {})  # of controllers that take the field
+            other = {kind: choices["enum"][0] for kind, choices in kinds.items()}
+            yield from within(
+                field, dotted, lambda value, name=name, other=other: data(other | {name: value})
+            )
         if "items" in node:
             count = node.get("minItems", 1)
             yield from within(node["items"], f"{place}[1]", lambda value: data([value] * count))
@@ -300,8 +305,11 @@ OPTIONS = [
     (FIXED, "controller.feedforward", "none", "{} takes none, only p_pi, pi_sch"),
     (OPEN, "controller.feedforward", "full", "'full', expected one of none, ctc, "),
     ([*FIXED, "pi_scheduled"], "controller.position_gain", [1.0] * 4, "{} takes none, only p_pi"),
-    (["pi", "inverse_dynamics", *OPEN], "controller.feedforward_gain", [1.0] * 4,
-     "{} has no feedforward"),
+    (OPEN, "controller.feedforward_gain", [1.0] * 4, "{} has no feedforward"),
+    (["pi", "inverse_dynamics"], "controller.feedforward_gain", [1.0] * 4,
+     "{} takes none, only pi_ctc, pi_id, p_pi, pi_scheduled"),
+    (["pi_id", "p_pi", "inverse_dynamics"], "controller.setpoint_weight", 0.5,
+     "{} takes none, only pi, pi_ctc, pi_scheduled"),
     (["inverse_dynamics"], "controller.anti_windup", True,
      "inverse_dynamics takes none, only pi, pi_ctc, pi_id, p_pi, pi_scheduled"),
     (CONTROLLERS, "plant.i_eff", [1.0] * 4, "the coupled plant has its inertia from the"),

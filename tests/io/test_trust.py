@@ -13,7 +13,7 @@ import pytest
 
 from sdt_drake.io import trust
 from sdt_drake.io.errors import InputError
-from sdt_drake.run import kinds
+from sdt_drake.run import options
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import make_job
@@ -54,7 +54,7 @@ def kept():
 def forget():
     """Begin as another process does; what is kept stays."""
     trust._accepted.clear()
-    kinds._loaded.clear()
+    options._loaded.clear()
 
 
 def digest(path):

@@ -28,8 +28,9 @@ from sdt_drake.machine.drive_files import (
 )
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.run.controllers import CONTROLLERS, Pi
 from sdt_drake.run.design import make_design
-from sdt_drake.run.scenario import ControllerChoice, Scenario
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 
 R = np.array([67.2, 1, 1, 1])
@@ -207,7 +208,7 @@ def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
     t = np.arange(41)[:, None] * 0.005
     v = np.minimum(t, 0.2 - t) * [0.3, 0.5, 0, -2]
     design = make_design(
-        Scenario(controller=ControllerChoice(omega_r=66.0)),
+        Scenario(controller=Pi(omega_r=66.0)),
         robot=robot,
         motion=Motion.from_speeds(0.005, np.array([0.1, 0.7, 0.3, 0.2]), v),
     )
@@ -230,9 +231,7 @@ def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
 def test_names_are_text_in_the_read_me(robot, motion, tmp_path):
     """No tag, link or further cell; the page is read as GitHub reads it, with HTML on."""
     names = ('<img src=x onerror="alert(1)">|x', "[a](javascript:b)", "<script>`&lt;", "a\\|b")
-    design = make_design(
-        Scenario(controller=ControllerChoice(kind="pi", omega_r=66)), robot=robot, motion=motion
-    )
+    design = make_design(Scenario(controller=Pi(omega_r=66)), robot=robot, motion=motion)
     design = replace(design, nominal=replace(robot, joint_names=names))
     write_files(design, drives_with(), tmp_path, cam_points=50, title=names[0])
     reader = MarkdownIt("commonmark").enable("table")
@@ -269,7 +268,7 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
 def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, has_torque):
     """With the torques that were fed forward beside it, and no others; errors are those against
     the planned motion, as `simulate` tells them."""
-    scenario = Scenario(controller=ControllerChoice(kind=kind, omega_r=66.0))
+    scenario = Scenario(controller=CONTROLLERS[kind](omega_r=66.0))
     design = make_design(scenario, robot=robot, motion=motion)
     beside = motion.v + 2e-3 * np.sin(2 * np.pi * motion.time / 0.6)[:, None] ** 2
     beside[-1] = 0

@@ -16,7 +16,7 @@ from sdt_drake.show.reports.replay import replay_findings, tables
 
 CASCADE = {
     "controller.kind": "p_pi",
-    "controller.structure": "p_in_feedback",
+    "controller.setpoint_weight": 0,
     "controller.feedforward": "id",
 }
 SPRINGS = {
@@ -122,7 +122,7 @@ def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_pa
 
 def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     """K_P r (v_ref - v) + K_I r (integral of v_ref - q), with the reference held."""
-    fields = {"controller.structure": "pi"}
+    fields = {"controller.setpoint_weight": 1}
     made = designed("coupled_pi", fields, start=1.0, end=1.5)
     motion, ratio = made.motion, made.robot.gear_ratio
     q = motion.q + 0.3 - 2e-4 * (1 - np.cos(8 * motion.time))[:, None]

@@ -1,5 +1,7 @@
 """The controllers: what they tell of themselves, their starts, and their commands."""
 
+import pickle
+from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
@@ -11,35 +13,60 @@ from variants import overruled
 from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
-from sdt_drake.run.controllers import Pi, make_controller, register_controller, start_controller
+from sdt_drake.io.fields import Positive, setting
+from sdt_drake.io.schema import json_schema
+from sdt_drake.run.controllers import (
+    SHIPPED,
+    ChosenFeedforward,
+    Controller,
+    PPi,
+    make_controller,
+    register_controller,
+    start_controller,
+)
 from sdt_drake.run.feedforward import start_feedforward
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.recorded import after_updates
+from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
+from sdt_drake.run.simulate import simulate
+from sdt_drake.studies.fields import find_field
+from sdt_drake.systems import pi_speed_controller
+from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.wiring import set_state
 
 
-class Mine(Pi):
-    """A PI speed controller that takes a feedforward."""
+@dataclass(frozen=True)
+class MyOptions(ChosenFeedforward):
+    """Options of a PI speed controller on the coupled plant, that takes a feedforward."""
 
     plants = ("coupled",)
-    options = ("feedforward",)
+    needs = ("largest inertia of each joint",)
+    share: Positive = setting(1.0, unit="-")
+    """Share of the tuned gains."""
+
+
+def mine(design):
+    share, gains = design.scenario.controller.share, design.gains
+    own = SpeedGains(kp=share * gains.kp, ki=share * gains.ki)
+    return pi_speed_controller(gains=own, gear_ratio=design.robot.gear_ratio)
 
 
 def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed):
     base = designed("coupled_pi", end=0.2)
     with pytest.raises(InputError, match=r"controllers: 'mine', expected one of pi, "):
         compare(base, ["mine"])
-    register_controller("mine", Mine)
-    register_controller("mine", Mine)  # of a file that is run once more
+    register_controller("mine", mine, MyOptions)
+    register_controller("mine", mine, MyOptions)  # of a file that is run once more
     plain, fed, of_pi = compare(base, ["mine", "mine+id", "pi"])
     np.testing.assert_array_equal(plain.recording.v, of_pi.recording.v)
     assert plain.needs == of_pi.needs and len(fed.needs) > len(of_pi.needs)
     assert not np.array_equal(fed.recording.v, plain.recording.v)
 
     for name, controller, message in (
-        ("a+b", Mine, "expected a name of letters"),
-        ("pi", Mine, "'pi': ships with the package"),
+        ("a+b", mine, "expected a name of letters"),
+        ("pi", mine, "'pi': ships with the package"),
         ("mine", LeafSystem, "expected a class that derives"),
+        ("mine", None, "expected a class or a function"),
     ):
         with pytest.raises(InputError, match=message):
             register_controller(name, controller)
@@ -54,9 +81,93 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
         designed("axis_pi", {"controller.kind": "mine"}, end=0.1)
 
 
+@pytest.mark.parametrize(
+    ("kind", "word", "weight", "line"),
+    [
+        ("pi", "pi", 1, "pi is deprecated and goes in 0.7, write setpoint_weight: 1"),
+        ("pi_ctc", "p_in_feedback", 0, "p_in_feedback is deprecated .* write setpoint_weight: 0"),
+        ("p_pi", "p_in_feedback", 1, "remove it: this kind takes no setpoint_weight"),
+        ("inverse_dynamics", "pi", None, "remove it"),
+    ],
+)
+def test_the_old_words_for_the_weight_are_read_with_a_line(tmp_path, kind, word, weight, line):
+    (tmp_path / "old.yaml").write_text(
+        f"plant: {{kind: coupled}}\ncontroller: {{kind: {kind}, structure: {word}, omega_r: 60}}\n"
+    )
+    with pytest.warns(FutureWarning, match=line) as warned:
+        controller = load_scenario(tmp_path / "old.yaml").controller
+    assert len(warned) == 1 and getattr(controller, "setpoint_weight", None) == weight
+    with pytest.warns(DeprecationWarning, match="read setpoint_weight"):
+        assert controller.structure == ("pi" if weight != 0 else word)
+
+
+def test_another_kind_keeps_the_options_that_it_takes():
+    base = load_scenario("coupled_pi", {"controller.anti_windup": True})
+    cascade = base.changed({"controller.kind": "p_pi", "controller.position_gain": [8.0] * 4})
+    assert type(cascade.controller) is PPi and cascade.controller.anti_windup
+    assert cascade.controller.zeta == base.controller.zeta
+    back = cascade.changed({"controller.kind": "pi", "controller.position_gain": None})
+    assert back == base
+    with pytest.raises(InputError, match=r"position_gain: pi takes none, only p_pi$"):
+        cascade.changed({"controller.kind": "pi"})
+
+
+def test_editors_know_the_options_of_each_kind():
+    validator = pytest.importorskip("jsonschema").Draft7Validator
+    schema = json_schema(Scenario, "scenario")
+    for kind, options in SHIPPED.items():
+        for name in {field.name for other in SHIPPED.values() for field in fields(other)}:
+            field = schema["$defs"]["ControllerOptions"]["properties"][name]
+            value = field.get("default") if name not in ("kind", "model") else None
+            if value is None:
+                continue
+            data = {"controller": {"kind": kind, name: value}}
+            takes = name in {field.name for field in fields(options)}
+            assert validator(schema).is_valid(data) == takes, (kind, name)
+    assert validator(schema).is_valid({"controller": {"omega_r": 60, "setpoint_weight": 1}})
+    assert not validator(schema).is_valid({"controller": {"kind": "mine"}})
+    assert validator(schema).is_valid({"controller": {"kind": "mine", "file": "a.py", "share": 1}})
+
+
+def test_options_of_your_own_are_fields_of_scenarios(tmp_path, designed):
+    register_controller("mine", mine, MyOptions)
+    (tmp_path / "own.yaml").write_text(
+        "plant: {kind: coupled}\ncontroller: {kind: mine, omega_r: 60, share: 0.5}\n"
+    )
+    scenario = load_scenario(tmp_path / "own.yaml")
+    save_scenario(scenario, tmp_path / "copy.yaml")
+    assert load_scenario(tmp_path / "copy.yaml").controller == scenario.controller
+    assert scenario.controller.share == 0.5 and pickle.loads(pickle.dumps(scenario)) == scenario
+    unknown, wrong = {"controller.shares": 1}, {"controller.share": -1}
+    with pytest.raises(InputError, match=r"controller\.shares: .* did you mean 'share'"):
+        scenario.changed(unknown)
+    with pytest.raises(InputError, match=r"controller\.share: -1, expected a number > 0"):
+        scenario.changed(wrong)
+    with pytest.raises(InputError, match=r"controller\.share: pi takes none, only mine$"):
+        scenario.changed({"controller.kind": "pi"})
+    assert find_field("controller.share").type is float
+    whole = designed("coupled_pi", {"controller.kind": "mine"}, end=0.1)
+    half = designed("coupled_pi", {"controller.kind": "mine", "controller.share": 0.5}, end=0.1)
+    assert not np.array_equal(simulate(whole).tau, simulate(half).tau)
+
+
+def test_options_that_a_class_of_0_4_lists_are_taken_with_a_warning():
+    class Old(LeafSystem, Controller):
+        options = ("feedforward", "anti_windup")
+
+    with pytest.warns(DeprecationWarning, match="derives from ChosenFeedforward, AntiWindup"):
+        register_controller("old", Old)
+    fields = {
+        "controller.kind": "old",
+        "controller.feedforward": "id",
+        "controller.anti_windup": 1 > 0,
+    }
+    assert load_scenario("coupled_pi", fields).controller.label == "old+id"
+
+
 WIRED = [
     ("pi", {}),
-    ("pi", {"structure": "pi", "anti_windup": True}),
+    ("pi", {"setpoint_weight": 1, "anti_windup": True}),
     ("pi_ctc", {}),
     ("pi_id", {}),
     ("p_pi", {"feedforward": "id", "position_gain": [2.0, 3.0, 4.0, 5.0]}),
@@ -111,7 +222,7 @@ def rests(design, **inputs):
     np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
 
 
-SCHEDULED = [("pi_scheduled", {}), ("pi_scheduled", {"feedforward": "ctc", "structure": "pi"})]
+SCHEDULED = [("pi_scheduled", {}), ("pi_scheduled", {"feedforward": "ctc", "setpoint_weight": 1})]
 
 
 @pytest.mark.parametrize(("kind", "choices"), [*WIRED, *SCHEDULED], ids=str)
@@ -121,12 +232,12 @@ def test_a_controller_starts_with_the_command_of_rest(designed, kind, choices):
 
 
 @pytest.mark.parametrize(
-    ("kind", "structure"), [("pi", "p_in_feedback"), ("pi", "pi"), ("p_pi", "p_in_feedback")]
+    ("kind", "options"), [("pi", {}), ("pi", {"setpoint_weight": 0.4}), ("p_pi", {})]
 )
-def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, structure):
+def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, options):
     """Of a motion that accelerates; a run starts without an error of speed all the same."""
-    fields = {"held_speed": "mean", "controller.kind": kind, "controller.structure": structure}
-    design = designed("coupled_pi", fields, start=2.0, end=2.1)
+    fields = {f"controller.{name}": value for name, value in (options | {"kind": kind}).items()}
+    design = designed("coupled_pi", fields | {"held_speed": "mean"}, start=2.0, end=2.1)
     motion = design.motion
     mean = (motion.v[1:] + motion.v[:-1]) / 2
     np.testing.assert_allclose(design.reference.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)

@@ -15,9 +15,9 @@ from sdt_drake.motion import Motion
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.run.controllers import Pi
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import make_loop
-from sdt_drake.run.scenario import ControllerChoice
 from sdt_drake.systems.gains import tune
 
 OMEGA_R = 65.991  # rad/s
@@ -107,7 +107,7 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
         ({"drive": Drive(reference_delay=30.0)},
          r"drive\.reference_delay: 30 s, expected less than .* 30 s$"),
         # At the smallest inertia of joint 2, 66.8 kg m², but not at its largest, 98.
-        ({"controller": ControllerChoice(kp=[1, 1.7e7, 1, 1], ki=[1.0] * 4)},
+        ({"controller": Pi(kp=[1, 1.7e7, 1, 1], ki=[1.0] * 4)},
          r"gains .* give joint 2 a pole at 2\.54e\+05"),
         ({"controller.model": Deviation(payload_mass=-180.0)},
          r"controller\.model\.payload_mass: -180 kg"),

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import alone
 import pytest
+from pydrake.systems.framework import LeafSystem
 from robots import loaded
 from test_coupled_rotors import WRIST
 
 from sdt_drake.io.resources import shipped
+from sdt_drake.run.controllers import Controller, register_controller
 from sdt_drake.run.loop import make_loop
 from sdt_drake.systems import robot_plant
 
@@ -39,6 +41,28 @@ def dropped(system):
 def test_a_block_is_freed(name, robot, meshcat):
     drawn = {"meshcat": meshcat} if name == "robot_drawing" else {}
     assert dropped(lambda: alone.made(name, robot, **drawn))
+
+
+class Tidy(LeafSystem, Controller):
+    """A controller in Python that can be freed, as the page on controllers tells."""
+
+    __slots__ = ()
+
+    def __init__(self, design):
+        super().__init__()
+        own, n = weakref.proxy(self), design.robot.n
+        self.measured = self.DeclareVectorInputPort("measured", 2 * n)
+        inputs = {self.measured.ticket()}
+        self.DeclareVectorOutputPort("tau_cmd", n, lambda *of: own.command(*of), inputs)
+
+    def command(self, context, output):
+        output.SetFromVector(-self.measured.Eval(context)[output.size() :])
+
+
+def test_a_loop_with_a_tidy_controller_in_python_is_freed(designed):
+    register_controller("tidy", Tidy)
+    design = designed("coupled_pi", {"controller.kind": "tidy"}, end=0.1)
+    assert dropped(lambda: make_loop(design).diagram)
 
 
 def test_rotors_of_coupled_motors_and_drawn_loops_are_freed(designed, meshcat):

@@ -108,7 +108,7 @@ STRAIGHT = {
     "anti-windup": ("pi_ctc", "axis", Drive()),
     **CASES,
 }
-OPTIONS = {"pi on the error": {"structure": "pi"}, "anti-windup": {"anti_windup": True}}
+OPTIONS = {"pi on the error": {"setpoint_weight": 1}, "anti-windup": {"anti_windup": True}}
 STOPS = {"late"}  # in every run
 
 

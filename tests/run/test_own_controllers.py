@@ -10,8 +10,8 @@ import pytest
 import sdt_drake as sdt
 from sdt_drake.cli.app import main
 from sdt_drake.io.trust import trusting
-from sdt_drake.run import kinds
-from sdt_drake.run.kinds import CONTROLLERS, load_controllers
+from sdt_drake.run import options
+from sdt_drake.run.options import CONTROLLERS, load_controllers
 
 OWN = Path(__file__).parents[1] / "own_controllers.py"
 SCENARIO = """
@@ -53,7 +53,7 @@ def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
     assert main(study) == 0 and "failed" not in capsys.readouterr().out
     shutil.rmtree(desk)
     CONTROLLERS.pop("proportional")
-    kinds._loaded.clear()  # as in a new process
+    options._loaded.clear()  # as in a new process
     assert main(["study", "repeat", "out", "--row", "0", "--trust"]) == 0
     assert "proportional" in capsys.readouterr().out
 

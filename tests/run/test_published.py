@@ -22,7 +22,7 @@ AXES = {
     "weak, printed": ("axis_pi", {}),
     "weak, ctc, consistent": ("axis_pi_ctc", CONSISTENT),
     "pi_id": ("axis_pi_ctc", CONSISTENT | kind("pi_id")),
-    "pi_scheduled": ("axis_pi", CONSISTENT | kind("pi_scheduled+ctc", structure="pi")),
+    "pi_scheduled": ("axis_pi", CONSISTENT | kind("pi_scheduled+ctc", setpoint_weight=1)),
     "torque error": ("axis_pi", CONSISTENT | WITH_ERROR),
 }
 

@@ -6,7 +6,6 @@ import pytest
 from sdt_drake.io.resources import find_file
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import (
-    ControllerChoice,
     DisturbanceChoice,
     Scenario,
     load_scenario,
@@ -35,7 +34,7 @@ def test_shipped_scenarios_have_the_published_numbers(designed):
     for name, amplitude in (("axis_pi", 0.0), ("axis_pi_ctc", 0.05)):
         design = designed(name)
         scenario = design.scenario
-        assert scenario.controller.structure_in_use == "p_in_feedback"
+        assert scenario.controller.setpoint_weight == 0
         assert scenario.algorithm == "printed"
         assert scenario.disturbance == DisturbanceChoice(amplitude, 2 * np.pi)
         numbers = design.i_eff, design.gains.kp, design.gains.ki
@@ -51,14 +50,15 @@ def test_shipped_scenarios_have_the_published_numbers(designed):
     np.testing.assert_allclose(design.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
 
 
-def test_feedforward_structure_and_label():
+def test_feedforward_weight_and_label():
     for kind, feedforward, *expected in (
-        ("pi_id", None, "id", "pi", "pi_id"),
-        ("p_pi", "none", "none", "pi", "p_pi"),
-        ("pi_scheduled", "ctc", "ctc", "p_in_feedback", "pi_scheduled+ctc"),
+        ("pi_id", None, "id", 1, "pi_id"),
+        ("p_pi", "none", "none", 1, "p_pi"),
+        ("pi_scheduled", "ctc", "ctc", 0, "pi_scheduled+ctc"),
     ):
-        choice = ControllerChoice(kind=kind, feedforward=feedforward)
-        found = choice.feedforward_in_use, choice.structure_in_use, choice.label
+        fields = {"kind": kind, "feedforward": feedforward, "omega_r": 66.0}
+        choice = Scenario(controller=fields).controller
+        found = choice.feedforward_in_use, choice.setpoint_weight, choice.label
         assert found == tuple(expected)
 
 

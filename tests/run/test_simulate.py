@@ -11,9 +11,10 @@ from strategies import motions, robots
 from variants import weaker
 
 from sdt_drake.analysis.tracking import stops_passed
+from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
-from sdt_drake.run.scenario import ControllerChoice, PlantChoice, Scenario
+from sdt_drake.run.scenario import PlantChoice, Scenario
 from sdt_drake.run.simulate import Recording, _beyond_stop, simulate
 
 COLUMNS = (
@@ -97,7 +98,7 @@ def test_how_far_a_joint_is_beyond_its_stop(design, recording):
 
 
 def design_of(kind, robot, motion):
-    controller = ControllerChoice(kind=kind, omega_r=60.0)
+    controller = CONTROLLERS[kind](omega_r=60.0)
     scenario = Scenario(plant=PlantChoice("coupled"), controller=controller, period=motion.period)
     return make_design(scenario, robot=robot, motion=motion)
 

@@ -10,8 +10,7 @@ from pydrake.systems.framework import Diagram, InputPortIndex
 
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.run.controllers import SHIPPED
-from sdt_drake.run.kinds import CONTROLLERS
+from sdt_drake.run.controllers import CONTROLLERS, SHIPPED
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
 from sdt_drake.systems.wiring import blocks_of, systems_in
@@ -29,7 +28,7 @@ WRONG = {
 ONLINE = {"inverse_dynamics": "online"}
 WIRINGS = [
     ("axis_pi_ctc", {}),
-    ("axis_pi_ctc", ONLINE | {"controller.structure": "pi"}),
+    ("axis_pi_ctc", ONLINE | {"controller.setpoint_weight": 1}),
     ("coupled_pi", {"controller.kind": "inverse_dynamics"}),
     ("coupled_pi", {"controller.kind": "p_pi", "controller.feedforward": "id", "drive": REAL}),
     ("coupled_pi", {"controller.kind": "pi_scheduled", "plant.friction": FRICTION}),

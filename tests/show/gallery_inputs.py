@@ -76,7 +76,7 @@ class Inputs:
     @cached_property
     def stepped(self):
         """A motor that saturates at first."""
-        design = self.designed("axis_pi", {"controller.structure": "pi"}, end=0.2)
+        design = self.designed("axis_pi", {"controller.setpoint_weight": 1}, end=0.2)
         return step(design, joint=2, size=0.8, duration=0.15)
 
     @cached_property

@@ -31,7 +31,7 @@ def walk(diagram, symbols=SYMBOLS, **arguments):
 def make_loop():
     """A reference, a controller with symbols, a process, and a log."""
     gains = tune([1.0], 60, [1.0])
-    return make_step_loop(gains=gains, i_eff=1.0, structure="p_in_feedback")
+    return make_step_loop(gains=gains, i_eff=1.0, setpoint_weight=0)
 
 
 def wired(*blocks, outputs=(), logged=(), name="diagram"):

@@ -32,7 +32,7 @@ def diagrams(_reference_design):
 
 
 def make_small():
-    return make_step_loop(gains=tune([1.0], 60, [1.0]), i_eff=1.0, structure="pi")
+    return make_step_loop(gains=tune([1.0], 60, [1.0]), i_eff=1.0, setpoint_weight=1)
 
 
 # --- what the figures show -------------------------------------------------------------------

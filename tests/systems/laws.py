@@ -47,19 +47,21 @@ def case(block, title="", *, scales=None, tolerance=1e-12, **changes):
 # --- controllers and motors ------------------------------------------------------------------
 
 
-def pi_law(x, reference, measured, tau_cmd=0, tau_limited=0, *, structure, anti_windup, period):
+def pi_law(
+    x, reference, measured, tau_cmd=0, tau_limited=0, *, setpoint_weight, anti_windup, period
+):
     v_ref, v = reference[N : 2 * N], measured[N:]
     error = GEAR * (v_ref - v)
-    proportional = error if structure == "pi" else -GEAR * v
+    proportional = GEAR * (setpoint_weight * v_ref - v)
     rate = error + (tau_limited - tau_cmd) / GAINS.kp if anti_windup else error
     change = rate if period is None else x + period * rate
     return {"tau_fb": GAINS.ki * x + GAINS.kp * proportional}, change
 
 
-for structure, anti_windup, period in itertools.product(
-    ("pi", "p_in_feedback"), (False, True), (None, PERIOD / 4)
+for weight, anti_windup, period in itertools.product(
+    (0, 0.3, 1), (False, True), (None, PERIOD / 4)
 ):
-    options = {"structure": structure, "anti_windup": anti_windup, "period": period}
+    options = {"setpoint_weight": weight, "anti_windup": anti_windup, "period": period}
     case("pi_speed_controller", f"{[*options.values()]}", **options)(partial(pi_law, **options))
 
 

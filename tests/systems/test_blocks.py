@@ -66,14 +66,14 @@ def test_a_block_has_keyword_arguments_and_the_ports_of_its_picture(name, robot,
 
 FREE = {"i_eff", "position_gain", "motor_torque_limit"}  # of any length
 CHECKED = FREE | {"gear_ratio", "n", "amplitude", "omega_d", "period", "omega_n", "zeta"}
-MORE = {"encoder": alone.RESOLVED, "pi_speed_controller": {"structure": "pi"}}
+MORE = {"encoder": alone.RESOLVED, "pi_speed_controller": {"setpoint_weight": 1.0}}
 MORE |= {"LoadTorque": {"algorithm": "printed"}}
 BAD = [
     (name, argument, bad)
     for name in BLOCKS
     for argument, right in (alone.ARGUMENTS[name] | MORE.get(name, {})).items()
     for bad in ("a", -1.0, [np.nan] * np.size(right), [1.0] * (np.size(right) + 1))
-    if argument in CHECKED | {"resolution", "structure", "algorithm"}
+    if argument in CHECKED | {"resolution", "setpoint_weight", "algorithm"}
     and not (np.size(bad) > N and argument in FREE)
 ]
 

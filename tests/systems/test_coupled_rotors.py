@@ -13,8 +13,9 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Elasticity, Springs
 from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.run.controllers import Pi
 from sdt_drake.run.plant import springs_along
-from sdt_drake.run.scenario import ControllerChoice, PlantChoice, Scenario
+from sdt_drake.run.scenario import PlantChoice, Scenario
 from sdt_drake.run.simulate import make_simulator
 from sdt_drake.systems import elastic_joints, inverse_dynamics_controller, robot_plant
 from sdt_drake.systems.elastic_joints import set_motor_state
@@ -115,7 +116,7 @@ def test_rotors_behind_springs_turn_together():
 
 def test_a_motor_between_a_spring_and_a_rigid_joint_is_refused():
     plant = PlantChoice("coupled", elasticity=Elasticity(natural_frequency=[60.0, 0.0]))
-    scenario = Scenario(plant=plant, controller=ControllerChoice(omega_r=60.0))
+    scenario = Scenario(plant=plant, controller=Pi(omega_r=60.0))
     wrist, still = loaded(WRIST), Motion(0.005, *np.zeros((3, 3, 2)))
     with pytest.raises(InputError, match="joint 1 is elastic and joint 2 rigid, but a motor turns"):
         springs_along(scenario, wrist, still)

@@ -20,7 +20,8 @@ from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
-from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario, save_scenario
+from sdt_drake.run.controllers import PPi
+from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
 
 _MOTION = "motion.csv"  # the recorded motion, once it is written
 _OWN = "real_device"  # scenario of the shipped device with real drives and sensors
@@ -57,7 +58,7 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
                 f"{', '.join(robot.joint_names)} as in {robot.path}"
             )
         return scenario
-    controller = ControllerChoice(kind="p_pi", omega_r=_OMEGA_R, feedforward="id")
+    controller = PPi(omega_r=_OMEGA_R, feedforward="id")
     return Scenario(motion=_MOTION, controller=controller)
 
 

@@ -1,134 +1,105 @@
-"""The controllers as Drake systems: shipped classes, and registration of your own."""
+"""The controllers: a file for each with its options and its diagram; and your own."""
 
 from __future__ import annotations
 
-import inspect
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields
-from itertools import takewhile
-from typing import cast
 
-from pydrake.systems.framework import System
+from pydrake.systems.framework import Context, System
 from pydrake.systems.primitives import PassThrough
 
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
-from sdt_drake.run.controllers.base import Controller, Shipped, start_controller
+from sdt_drake.motion import Motion
+from sdt_drake.run.controllers.base import Controller, Feedback, feedback_of, start_own
 from sdt_drake.run.controllers.inverse_dynamics import InverseDynamics
-from sdt_drake.run.controllers.p_pi import PPi
-from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId
+from sdt_drake.run.controllers.p_pi import PositionGain, PPi
+from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId, PiLoops
 from sdt_drake.run.controllers.pi_scheduled import PiScheduled
+from sdt_drake.run.controllers.registry import SHIPPED, Own, register_controller
 from sdt_drake.run.design import Design
-from sdt_drake.run.kinds import CONTROLLERS, Kind
-
-SHIPPED: dict[str, type[Controller]] = {
-    "pi": Pi,
-    "pi_ctc": PiCtc,
-    "pi_id": PiId,
-    "p_pi": PPi,
-    "pi_scheduled": PiScheduled,
-    "inverse_dynamics": InverseDynamics,
-}
-"""Classes of the shipped controllers by kind."""
-
-
-def controller_class(kind: str) -> type[Controller]:
-    """Return the class of a kind of controller."""
-    return cast(type[Controller], CONTROLLERS[kind].controller or SHIPPED[kind])
+from sdt_drake.run.options import (
+    CONTROLLERS,
+    AntiWindup,
+    ChosenFeedforward,
+    ControllerOptions,
+    FeedforwardGain,
+    load_controllers,
+    option_names,
+)
 
 
 def make_controller(design: Design) -> tuple[type, System]:
-    """Return class and system of the controller of a design's scenario.
+    """Return the class of the options of a design's controller, and its feedback as a system.
 
     Raises:
         InputError: if a controller of your own fails.
     """
-    controller = controller_class(design.scenario.controller.kind)
-    with own_code(design, controller):
-        if issubclass(controller, Shipped):
-            return controller, controller.diagram(design)
-        # Registered classes derive from both, and their constructor takes a design.
-        return controller, cast("Callable[[Design], System]", controller)(design)
+    choice = feedback_of(design)
+    with own_code(design, type(choice)):
+        return type(choice), choice.feedback(design)
 
 
-def in_errors(design: Design, controller: type) -> str:
-    """Return the name of a controller in error messages: its kind, if it has one, and its class."""
-    if controller is PassThrough:  # an input of the loop
+def in_errors(design: Design, owner: type) -> str:
+    """Return the name of a controller in error messages: its kind, if it has one, and its class.
+
+    Args:
+        design: the design of the loop.
+        owner: class of the options of the scenario's controller, or of a system from outside.
+    """
+    if owner is PassThrough:  # an input of the loop
         return "external controller"
-    kind = design.scenario.controller.kind
-    name = f" '{kind}'" if controller_class(kind) is controller else ""
-    return f"controller{name} (class {controller.__name__})"
+    choice = feedback_of(design)
+    if owner is type(choice):
+        return f"controller '{choice.kind}' (class {choice.title})"
+    return f"controller (class {owner.__name__})"
 
 
 @contextmanager
-def own_code(design: Design, controller: type) -> Iterator[None]:
+def own_code(design: Design, owner: type) -> Iterator[None]:
     """Attribute errors raised by your own controller, SystemExit included, to that controller."""
     try:
         yield
     except InputError:
         raise
     except (Exception, SystemExit) as error:
-        if controller in (*SHIPPED.values(), PassThrough):
+        if owner in (*SHIPPED.values(), PassThrough):
             raise
         text = f"{type(error).__name__}: {one_line(error)}"
-        raise InputError(f"{in_errors(design, controller)}: fails ({text})") from error
+        raise InputError(f"{in_errors(design, owner)}: fails ({text})") from error
 
 
-def register_controller(name: str, controller: type[Controller]) -> None:
-    """Register your own controller for scenarios, comparisons and studies.
+def start_controller(
+    owner: type,
+    system: System,
+    context: Context,
+    design: Design,
+    tau_cmd: Array,
+    start: Motion | None,
+) -> None:
+    """Set the state of a controller so that the loop commands a torque in steady motion.
 
     Args:
-        name: its `controller.kind` in scenarios: letters, digits and _.
-        controller: a class that derives from a Drake system and from `Controller`, or from a
-            shipped controller.
-
-    Raises:
-        InputError: for a name that is shipped or no name, a class that is no `Controller`, or
-            one that declares ports before the constructor of its Drake system has run.
-
-    Examples:
-        >>> from sdt_drake.run.controllers import Pi, register_controller
-        >>> from sdt_drake.run.kinds import CONTROLLERS
-        >>> class Stiff(Pi):
-        ...     needs = ("largest inertia of each joint",)
-        >>> register_controller("stiff", Stiff)
-        >>> CONTROLLERS["stiff"].needs
-        ('largest inertia of each joint',)
+        owner: class of the options of the scenario's controller, or of a system from outside.
+        system: its system.
+        context: a context of the system.
+        design: the design of the loop.
+        tau_cmd: the command, motor side [N m], shape (n,).
+        start: a motion of one sample, without acceleration; None for the first of the motion.
     """
-    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w*", name):
-        raise InputError(f"controller {name!r}: expected a name of letters, digits and _")
-    if name in SHIPPED:
-        raise InputError(f"controller '{name}': ships with the package, expected another name")
-    is_class = isinstance(controller, type) and issubclass(controller, Controller)
-    if not (is_class and issubclass(controller, (System, Shipped))):
-        raise InputError(
-            f"controller '{name}': {controller!r}, expected a class that derives from a Drake "
-            "system and from sdt_drake.run.controllers.Controller, or from a shipped controller"
-        )
-    for one in controller.__mro__:
-        if issubclass(one, System) and _declares_first(one):
-            raise InputError(
-                f"controller '{name}' (class {controller.__name__}): __init__ of {one.__name__} "
-                "declares ports first, expected super().__init__() before"
-            )
-    of_class = {x.name: getattr(controller, x.name) for x in fields(Kind) if x.name != "controller"}
-    CONTROLLERS[name] = Kind(**of_class, controller=controller)
-
-
-def _declares_first(system: type) -> bool:
-    """Return whether a class declares ports, or is built, before any __init__ of its bases.
-
-    Drake would write to uninitialised memory. Python lists the names in code by their first use.
-    """
-    own = inspect.unwrap(vars(system).get("__init__", object))
-    names = own.__code__.co_names if inspect.isfunction(own) else ()  # Drake's are in C++
-    before = takewhile("__init__".__ne__, names)
-    return any(name.startswith(("Declare", "BuildInto")) for name in before)
+    if system.HasOutputPort("tau_fb"):  # the loop adds the feedforward
+        tau_cmd = tau_cmd - (design.steady_ff if start is None else design.steady_ff_at(start))
+    choice = feedback_of(design)
+    if owner is type(choice):
+        choice.start(system, context, design, tau_cmd, start)
+    else:
+        start_own(system, context, tau_cmd, start)
 
 
 __all__ = [
-    "SHIPPED", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId",
-    "PiScheduled", "controller_class", "in_errors", "make_controller", "own_code",
-    "register_controller", "start_controller",
+    "CONTROLLERS", "SHIPPED", "AntiWindup", "ChosenFeedforward", "Controller",
+    "ControllerOptions", "Feedback", "FeedforwardGain", "InverseDynamics", "Own", "PPi", "Pi",
+    "PiCtc", "PiId", "PiLoops", "PiScheduled", "PositionGain", "feedback_of", "in_errors",
+    "load_controllers", "make_controller", "option_names", "own_code", "register_controller",
+    "start_controller",
 ]  # fmt: skip

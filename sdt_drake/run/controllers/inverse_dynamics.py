@@ -1,17 +1,20 @@
 """The computed torque controller."""
 
-from __future__ import annotations
+from dataclasses import dataclass
+from typing import Literal
 
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from sdt_drake.run.controllers.base import Shipped
+from sdt_drake.run.controllers.base import Feedback
 from sdt_drake.run.design import Design
+from sdt_drake.run.options import LINKS, MOTORS
 from sdt_drake.systems import inverse_dynamics_controller
 from sdt_drake.systems.gains import damping_ratio
 from sdt_drake.systems.wiring import build
 
 
-class InverseDynamics(Shipped, kind="inverse_dynamics"):
+@dataclass(frozen=True)
+class InverseDynamics(Feedback):
     """Computed torque from the state of all joints, sampled at the interpolation period.
 
     The law is that of `sdt_drake.systems.inverse_dynamics_controller` with the poles of the speed
@@ -24,8 +27,12 @@ class InverseDynamics(Shipped, kind="inverse_dynamics"):
         output_ports: [tau_fb]
     """
 
-    @classmethod
-    def diagram(cls, design: Design, at: int | None = None) -> Diagram:
+    kind: Literal["inverse_dynamics"] = "inverse_dynamics"
+
+    needs = (LINKS, MOTORS, "state of all joints at once")
+    plants = ("coupled",)
+
+    def feedback(self, design: Design) -> Diagram:
         builder = DiagramBuilder()
         law = inverse_dynamics_controller(
             model=design.model,
@@ -38,6 +45,8 @@ class InverseDynamics(Shipped, kind="inverse_dynamics"):
         builder.ExportOutput(law.get_output_port(), "tau_fb")
         return build(builder, "inverse_dynamics")
 
-    @classmethod
-    def in_words(cls, design: Design) -> str:
+    def linear(self, design: Design, sample: int) -> Diagram:
+        return self.feedback(design)
+
+    def in_words(self, design: Design) -> str:
         return f"feedback linearisation of the whole state every {design.motion.period:g} s"

@@ -1,15 +1,28 @@
 """The cascade of position and speed controllers."""
 
-from __future__ import annotations
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
 
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from sdt_drake.run.controllers.pi import Pi
+from sdt_drake.io.fields import EachJoint, Positive, setting
+from sdt_drake.run.controllers.pi import Ahead, PiLoops, pi_feedback
 from sdt_drake.run.design import Design
+from sdt_drake.run.options import ChosenFeedforward, ControllerOptions
 from sdt_drake.systems import position_loop
 
 
-class PPi(Pi, kind="p_pi"):
+@dataclass(frozen=True)
+class PositionGain(ControllerOptions):
+    """Options of controllers with a proportional position controller for each joint."""
+
+    position_gain: EachJoint[Positive] | None = setting(None, unit="1/s")
+    """Position gain K_V; omega_n / 4 by default."""
+
+
+@dataclass(frozen=True)
+class PPi(PiLoops, ChosenFeedforward, PositionGain):
     """The industrial cascade: PI speed controllers that track v_ref + K_V (q_ref - q).
 
     .. pydrake_system::
@@ -19,18 +32,26 @@ class PPi(Pi, kind="p_pi"):
         output_ports: [tau_fb]
     """
 
-    @classmethod
-    def in_words(cls, design: Design) -> str:
-        k_v = design.scenario.controller.position_gain
+    kind: Literal["p_pi"] = "p_pi"
+
+    def feedback(self, design: Design) -> Diagram:
+        return pi_feedback(design, ahead=_position_loops(design))
+
+    def linear(self, design: Design, sample: int) -> Diagram:
+        return pi_feedback(design, ahead=_position_loops(design), is_linear=True)
+
+    def in_words(self, design: Design) -> str:
+        k_v = self.position_gain
         gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
         return f"{super().in_words(design)} in position loops, {gain}"
 
-    @classmethod
-    def _add_ahead(
-        cls, builder: DiagramBuilder, design: Design, at: int | None
-    ) -> dict[str, OutputPort]:
+
+def _position_loops(design: Design) -> Ahead:
+    def add(builder: DiagramBuilder) -> Mapping[str, OutputPort]:
         loop = position_loop(position_gain=design.position_gain)
         builder.AddNamedSystem("position_loop", loop)
         builder.ExportInput(loop.GetInputPort("reference"), "reference")
         builder.ExportInput(loop.GetInputPort("sampled_state"), "sampled_state")
         return {"reference": loop.get_output_port()}
+
+    return add

@@ -1,21 +1,67 @@
 """PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
 
-from __future__ import annotations
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, cast
 
-import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.fields import Number, setting
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers.base import Shipped
+from sdt_drake.run.controllers.base import Feedback, feedback_of
 from sdt_drake.run.design import Design
+from sdt_drake.run.options import LARGEST_INERTIA, AntiWindup, FeedforwardGain
 from sdt_drake.systems import pi_speed_controller
 from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.pi import set_integral
 from sdt_drake.systems.wiring import build
 
+Ahead = Callable[[DiagramBuilder], Mapping[str, OutputPort]]
+"""Function that adds blocks ahead of PI controllers, and returns what these read, by input."""
 
-class Pi(Shipped, kind="pi"):
+
+@dataclass(frozen=True)
+class PiLoops(AntiWindup, Feedback):
+    """Options of all controllers with a PI speed controller for each motor."""
+
+    needs = (LARGEST_INERTIA,)
+    takes_feedforward = True
+
+    @property
+    def setpoint_weight(self) -> float:
+        """Set-point weight b of the PI controllers [-]; 1 if it is no option."""
+        return 1.0
+
+    def feedback(self, design: Design) -> Diagram:
+        return pi_feedback(design)
+
+    def linear(self, design: Design, sample: int) -> System:
+        return pi_feedback(design, is_linear=True)
+
+    def start(
+        self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
+    ) -> None:
+        start_integrals(system, context, design, tau, start)
+
+    def in_words(self, design: Design) -> str:
+        b = self.setpoint_weight
+        return {1.0: "PI speed loops", 0.0: "I-P speed loops"}.get(
+            b, f"PI speed loops with set-point weight {b:g}"
+        )
+
+
+@dataclass(frozen=True)
+class WeightedPi(PiLoops):
+    """Options of PI controllers whose set-point weight the scenario chooses."""
+
+    setpoint_weight: Number = setting(0.0, ge=0, le=1, unit="-")
+    """Set-point weight b of the proportional gain, which acts on b r v_ref - r v: 0 is I-P
+    (Figure 5), 1 is PI with both gains on the error, as in other kinds."""
+
+
+@dataclass(frozen=True)
+class Pi(WeightedPi):
     """A PI speed controller for each motor (Section 3.3), sampled if the drive samples.
 
     With anti-windup there are two more inputs, `tau_cmd` and `tau_limited`.
@@ -27,61 +73,11 @@ class Pi(Shipped, kind="pi"):
         output_ports: [tau_fb]
     """
 
-    @classmethod
-    def diagram(cls, design: Design, at: int | None = None) -> Diagram:
-        builder, choice = DiagramBuilder(), design.scenario.controller
-        share = 1.0 if at is None else cls._share(design, at)
-        pi = pi_speed_controller(
-            gains=SpeedGains(kp=share * design.gains.kp, ki=share * design.gains.ki),
-            gear_ratio=design.robot.gear_ratio,
-            structure=choice.structure_in_use,
-            anti_windup=choice.anti_windup and at is None,  # a linear loop does not saturate
-            period=design.drive.period,
-        )
-        builder.AddNamedSystem("pi_speed_controller", pi)
-        ahead = cls._add_ahead(builder, design, at)
-        for name in ("reference", "measured", "tau_cmd", "tau_limited"):
-            if name in ahead:
-                builder.Connect(ahead[name], pi.GetInputPort(name))
-            elif pi.HasInputPort(name):
-                builder.ExportInput(pi.GetInputPort(name), name)
-        builder.ExportOutput(pi.get_output_port(), "tau_fb")
-        return build(builder, choice.kind)
-
-    @classmethod
-    def in_words(cls, design: Design) -> str:
-        structure = design.scenario.controller.structure_in_use
-        return f"PI speed loops with structure {structure}"
-
-    @classmethod
-    def start(
-        cls, system: Diagram, context: Context, design: Design, tau_fb: Array, start: Motion | None
-    ) -> None:
-        # The speed error is zero in steady motion.
-        v = (design.motion if start is None else start).v[0]
-        is_on_error = design.scenario.controller.structure_in_use == "pi"
-        gain = cls._share(design, 0) * design.gains.kp * design.robot.gear_ratio
-        proportional = np.zeros_like(v) if is_on_error else -gain * v
-        pi = system.GetSubsystemByName("pi_speed_controller")
-        own = system.GetMutableSubsystemContext(pi, context)
-        set_integral(pi, own, tau_fb - proportional, gains=design.gains)
-
-    # --- overridden by subclasses --------------------------------------------------------------
-
-    @classmethod
-    def _add_ahead(
-        cls, builder: DiagramBuilder, design: Design, at: int | None
-    ) -> dict[str, OutputPort]:
-        """Add blocks ahead of the PI controllers; return what these read, by their inputs."""
-        return {}
-
-    @classmethod
-    def _share(cls, design: Design, sample: int) -> Array | float:
-        """Return the factor on the tuned gains at a sample; 1 unless gains are scheduled."""
-        return 1.0
+    kind: Literal["pi"] = "pi"
 
 
-class PiCtc(Pi, kind="pi_ctc"):
+@dataclass(frozen=True)
+class PiCtc(WeightedPi, FeedforwardGain):
     """PI speed controllers with feedforward of the load torque (Section 3.4, Figure 6).
 
     The loop adds the feedforward: that is the paper's computed torque control. The kind
@@ -94,8 +90,15 @@ class PiCtc(Pi, kind="pi_ctc"):
         output_ports: [tau_fb]
     """
 
+    kind: Literal["pi_ctc"] = "pi_ctc"
 
-class PiId(Pi, kind="pi_id"):
+    @property
+    def feedforward_in_use(self) -> str:
+        return "ctc"
+
+
+@dataclass(frozen=True)
+class PiId(PiLoops, FeedforwardGain):
     """PI speed controllers with feedforward of the whole inverse dynamics.
 
     Both gains act on the error, so with an exact model nothing is left for the feedback.
@@ -106,3 +109,63 @@ class PiId(Pi, kind="pi_id"):
         input_ports: [reference, measured]
         output_ports: [tau_fb]
     """
+
+    kind: Literal["pi_id"] = "pi_id"
+
+    @property
+    def feedforward_in_use(self) -> str:
+        return "id"
+
+
+def pi_feedback(
+    design: Design,
+    *,
+    ahead: Ahead | None = None,
+    share: Array | float = 1.0,
+    is_linear: bool = False,
+) -> Diagram:
+    """Make PI controllers of a design, and the blocks ahead of them.
+
+    Args:
+        design: the design of the loop.
+        ahead: adds the blocks ahead; none by default.
+        share: factor on the tuned gains [-], shape (n,) or one for all.
+        is_linear: True for linear analysis: without anti-windup, as nothing saturates there.
+    """
+    builder, choice = DiagramBuilder(), cast(PiLoops, feedback_of(design))
+    pi = pi_speed_controller(
+        gains=SpeedGains(kp=share * design.gains.kp, ki=share * design.gains.ki),
+        gear_ratio=design.robot.gear_ratio,
+        setpoint_weight=choice.setpoint_weight,
+        anti_windup=choice.anti_windup and not is_linear,
+        period=design.drive.period,
+    )
+    builder.AddNamedSystem("pi_speed_controller", pi)
+    signals = {} if ahead is None else ahead(builder)
+    for name in ("reference", "measured", "tau_cmd", "tau_limited"):
+        if name in signals:
+            builder.Connect(signals[name], pi.GetInputPort(name))
+        elif pi.HasInputPort(name):
+            builder.ExportInput(pi.GetInputPort(name), name)
+    builder.ExportOutput(pi.get_output_port(), "tau_fb")
+    return build(builder, choice.kind)
+
+
+def start_integrals(
+    system: System,
+    context: Context,
+    design: Design,
+    tau: Array,
+    start: Motion | None,
+    share: Array | float = 1.0,
+) -> None:
+    """Set the integrals to a torque in steady motion, where the speed error is zero.
+
+    The proportional gain then commands K_PS (b - 1) r v.
+    """
+    v = (design.motion if start is None else start).v[0]
+    b = cast(PiLoops, feedback_of(design)).setpoint_weight
+    proportional = -(1 - b) * (share * design.gains.kp * design.robot.gear_ratio) * v
+    pi = cast(Diagram, system).GetSubsystemByName("pi_speed_controller")
+    own = cast(Diagram, system).GetMutableSubsystemContext(pi, context)
+    set_integral(pi, own, tau - proportional, gains=design.gains)

@@ -1,19 +1,22 @@
 """PI speed controllers with gains that are scheduled with the inertia."""
 
-from __future__ import annotations
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, cast
 
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers.pi import Pi
+from sdt_drake.run.controllers.pi import Ahead, WeightedPi, pi_feedback, start_integrals
 from sdt_drake.run.design import Design
-from sdt_drake.run.feedforward import table_of
-from sdt_drake.systems import gain_schedule
+from sdt_drake.run.options import ChosenFeedforward
+from sdt_drake.systems import gain_schedule, signal_table
 from sdt_drake.systems.reference import start_table
 
 
-class PiScheduled(Pi, kind="pi_scheduled"):
+@dataclass(frozen=True)
+class PiScheduled(WeightedPi, ChosenFeedforward):
     """PI speed controllers whose gains K_PS and K_IS are proportional to I_eff(q_ref).
 
     .. pydrake_system::
@@ -23,25 +26,33 @@ class PiScheduled(Pi, kind="pi_scheduled"):
         output_ports: [tau_fb]
     """
 
-    @classmethod
-    def in_words(cls, design: Design) -> str:
+    kind: Literal["pi_scheduled"] = "pi_scheduled"
+
+    needs = ("inertia along the motion",)
+
+    def feedback(self, design: Design) -> Diagram:
+        return pi_feedback(design, ahead=_schedule(design))
+
+    def linear(self, design: Design, sample: int) -> Diagram:
+        # Drake cannot linearise the schedule of a sampled controller.
+        return pi_feedback(design, share=design.inertia_share[sample], is_linear=True)
+
+    def start(
+        self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
+    ) -> None:
+        start_integrals(system, context, design, tau, start, share=design.inertia_share[0])
+        table = cast(Diagram, system).GetSubsystemByName("inertia_table")
+        start_table(table, cast(Diagram, system).GetMutableSubsystemContext(table, context))
+
+    def in_words(self, design: Design) -> str:
         return f"{super().in_words(design)}, their gains those at the largest inertia"
 
-    @classmethod
-    def start(
-        cls, system: Diagram, context: Context, design: Design, tau_fb: Array, start: Motion | None
-    ) -> None:
-        super().start(system, context, design, tau_fb, start)
-        table = system.GetSubsystemByName("inertia_table")
-        start_table(table, system.GetMutableSubsystemContext(table, context))
 
-    @classmethod
-    def _add_ahead(
-        cls, builder: DiagramBuilder, design: Design, at: int | None
-    ) -> dict[str, OutputPort]:
-        if at is not None:  # Drake cannot linearise the schedule of a sampled controller
-            return {}
-        table = table_of(design, inertia_share=design.inertia_share)
+def _schedule(design: Design) -> Ahead:
+    def add(builder: DiagramBuilder) -> Mapping[str, OutputPort]:
+        share = {"inertia_share": design.inertia_share}
+        delay = design.drive.reference_delay
+        table = signal_table(motion=design.reference, signals=share, delay=delay)
         builder.AddNamedSystem("inertia_table", table)
         schedule = builder.AddNamedSystem("gain_schedule", gain_schedule(n=design.robot.n))
         builder.Connect(table.get_output_port(), schedule.GetInputPort("inertia_share"))
@@ -49,6 +60,4 @@ class PiScheduled(Pi, kind="pi_scheduled"):
         builder.ExportInput(schedule.GetInputPort("measured"), "measured")
         return {x: schedule.GetOutputPort(f"weighted_{x}") for x in ("reference", "measured")}
 
-    @classmethod
-    def _share(cls, design: Design, sample: int) -> Array:
-        return design.inertia_share[sample]
+    return add

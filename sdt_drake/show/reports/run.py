@@ -24,9 +24,8 @@ from sdt_drake.motion import Story, story_of
 from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.run.controllers import controller_class
+from sdt_drake.run.controllers import feedback_of
 from sdt_drake.run.design import Design
-from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import Report
 from sdt_drake.show.figures.pilot import felt_panels
@@ -249,7 +248,7 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
     yield "robot", said("{}, {} ({})", robot.name, joint_count(robot.n), file)
     learned = "" if design.motion is wanted else "; the reference is learned"
     yield "motion", said("{}, {:g} s at {:g} s{}", motion, wanted.duration, wanted.period, learned)
-    controller = controller_class(choice.kind).in_words(design)
+    controller = feedback_of(design).in_words(design)
     yield "controller", said("{:code}: {}", choice.label, controller)
     gain = f" times {list(choice.feedforward_gain)}" if choice.feedforward_gain else ""
     yield (
@@ -304,7 +303,7 @@ def _gains(design: Design) -> Table:
         ("largest torque [N m]", ".4g", design.robot.motor_torque_limit),
         ("gear ratio", ".4g", design.robot.gear_ratio),
     ]
-    if "position_gain" in CONTROLLERS[design.scenario.controller.kind].options:
+    if hasattr(design.scenario.controller, "position_gain"):
         columns.insert(3, ("K_V [1/s]", ".4g", design.position_gain))
     return _table(
         design, columns, "Motor side: the largest inertia along the motion, and the gains"
