@@ -146,6 +146,7 @@ def repeat(
     *,
     row: Annotated[Whole, Parameter(metavar="N")],
     out: Out = None,
+    trust: Trust = False,
 ) -> None:
     """Repeat one of a study's runs exactly.
 
