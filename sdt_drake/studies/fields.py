@@ -56,12 +56,12 @@ class Field:
             InputError: if the scenario has no such list or entry, or no number to scale or shift.
         """
         old = value_of(scenario, self.whole)
-        if self.entry is None and not self.many:
-            return self._changed(old, value, apply)
-        if not old:
+        if (self.many or self.entry is not None) and not old:
             raise InputError("empty in the base scenario; add the list there", place=self.name)
-        if self.entry is None:
+        if self.many:
             return [self._changed(one, value, apply) for one in old]
+        if self.entry is None:
+            return self._changed(old, value, apply)
         if self.entry >= len(old):
             raise InputError(
                 f"the base scenario's list has {len(old)} value(s), expected an entry of it",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, pandas
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def failures(table: StudyTable) -> str:
 
 def percentiles(
     table: StudyTable, outcome: str, percents: Sequence[float] | Array = PERCENTS
-) -> Array:
+) -> pd.Series:
     """Return percentiles of an outcome over the runs that are ok and have it, in its unit.
 
     A percentile is the smallest value of a run that this share of the runs does not exceed. It is
@@ -94,16 +94,15 @@ def percentiles(
         percents: between 0 and 100, shape (K,).
 
     Returns:
-        Percentiles, shape (K,); NaN if no run has the outcome.
+        Percentiles by percentage; NaN if no run has the outcome.
     """
     values = values_of(table, outcome)
-    if values.empty:
-        return np.full(np.shape(percents), np.nan)
-    return np.percentile(values, percents, method="inverted_cdf")
+    found = np.percentile(values, percents, method="inverted_cdf") if len(values) else np.nan
+    return pandas().Series(found, percents, dtype=float)
 
 
-def usable(table: StudyTable, *outcomes: str) -> pd.Series:
-    """Return the mask of runs that are ok and have a number for all outcomes."""
+def usable(table: StudyTable, *outcomes: str) -> Mask:
+    """Return the mask of runs that are ok and have a number for all outcomes, shape (N,)."""
     return np.logical_and.reduce([table.ok, *(table.outcome(name).notna() for name in outcomes)])
 
 

@@ -95,14 +95,14 @@ def test_the_ishigami_function(generator):
 
 
 def test_a_tornado_by_hand():
-    """Means of the fifths 0, 1 and 8, 9 of ten numbers, and of the levels of a text."""
-    x, text = np.arange(12.0), np.array(list("abababababcc"))
+    """Means of the fifths 0, 1, 2 and 8, 9, 10 of eleven numbers, and of the levels of a text."""
+    x, text = np.arange(13.0), np.array(list("abababababacc"))
     y = 2 * x + 3 * (text == "b")
-    table = small_table(y, ["ok"] * 10 + ["failed"] * 2, x=x, text=text, same=0 * x)
+    table = small_table(y, ["ok"] * 11 + ["failed"] * 2, x=x, text=text, same=0 * x)
     found = tornado(table, "y")
     assert found.index.tolist() == ["x", "text"]
-    assert found.loc["x"].tolist() == [(0 + 5) / 2, (16 + 21) / 2, "", "", 16]
-    assert found.loc["text"].tolist() == [8, 13, "a", "b", 5]
+    assert found.loc["x"].tolist() == [(0 + 5 + 4) / 3, (16 + 21 + 20) / 3, "", "", 16]
+    assert found.loc["text"].tolist() == [10, 13, "a", "b", 3]
 
 
 def test_shares_of_a_grid_by_hand():
@@ -115,11 +115,14 @@ def test_shares_of_a_grid_by_hand():
     assert found.index.tolist() == ["a", "b"] and not found["error"].any()
 
 
-def test_equal_runs_of_a_draw_count_once(generator):
+@pytest.mark.parametrize("other", [0.0, 0.7])
+def test_runs_of_a_draw_count_once_and_differ_by_other_inputs_alone(generator, other):
+    """Another input adds its variance to the total, and explains nothing of the drawn one."""
     x = generator.uniform(0, 1, 200)
     y, twice = x + generator.normal(size=200), np.repeat(np.arange(200), 2)
-    once, doubled = explained_share(x, y), explained_share(x[twice], y[twice], twice)
-    np.testing.assert_allclose(doubled, once, rtol=1e-12)
+    once = explained_share(x, y).value
+    twofold = explained_share(x[twice], y[twice] + np.tile([-other, other], 200), twice).value
+    assert twofold == pytest.approx(once * np.var(y) / (np.var(y) + other**2), rel=1e-9)
 
 
 # --- report and figures ----------------------------------------------------------------------
