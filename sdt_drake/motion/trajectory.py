@@ -195,7 +195,6 @@ class Motion(Shown):
 # Largest loss of speeds and angles by resampling:
 _MAX_LOSS_SHARE = 0.01  # of their range [-], plus
 _MAX_LOSS = 1e-3  # rad/s, rad
-_BLOCK, _OVERLAP = 10_000, 60  # samples of the splines in `splined`
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,41 +279,14 @@ def interpolated(t: Array, time: Array, values: Array) -> Array:
     return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
 
 
-def splined(t: Array, time: Array, values: Array, derivative: int = 0) -> Array:
-    """Evaluate the cubic spline through samples, or a derivative of it.
-
-    The spline is made in blocks: one polynomial in Drake takes the memory of a hundred samples.
-    Blocks overlap, as the influence of a sample halves with each sample between.
-
-    Args:
-        t: growing times within `time` [s], shape (M,).
-        time: times of the samples [s], shape (N,).
-        values: samples, shape (N, n).
-        derivative: order of the derivative.
-
-    Returns:
-        Values, shape (M, n).
-    """
-    if len(time) < 4:  # too few for a spline
-        whole = PiecewisePolynomial.FirstOrderHold(time, values.T)
-        return np.asarray(whole.derivative(derivative).vector_values(t).T)
-    result = np.empty((len(t), values.shape[1]))
-    starts = np.arange(0, max(1, len(time) - _OVERLAP), _BLOCK)
-    places = np.searchsorted(t, [-np.inf, *time[starts[1:]], np.inf])
-    for start, *rows in zip(starts, places[:-1], places[1:], strict=True):
-        near = slice(max(0, start - _OVERLAP), start + _BLOCK + _OVERLAP)
-        course = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-            time[near], values[near].T
-        ).derivative(derivative)
-        result[slice(*rows)] = course.vector_values(t[slice(*rows)]).T
-    return result
-
-
 def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[Array, Motion]:
     """Return the speeds at the samples, and the motion."""
-    v = splined(time, time, q, 1)
+    from scipy.interpolate import CubicSpline  # it takes a third of a second
+
+    spline = CubicSpline(time, q)
+    v = spline(time, 1)
     within = np.minimum(t, time[-1])
-    positions = splined(within, time, q) + (t - within)[:, None] * v[-1]
+    positions = spline(within) + (t - within)[:, None] * v[-1]
     # Extra samples: with them the central differences at the ends are the spline's speeds.
     before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
     return v, Motion.from_positions(period, np.vstack([before, positions, after]))

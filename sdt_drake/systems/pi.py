@@ -3,7 +3,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
+from pydrake.systems.primitives import (
+    Adder,
+    DiscreteTimeIntegrator,
+    Gain,
+    Integrator,
+    MatrixGain,
+)
 
 from sdt_drake.io.arguments import finite_number, positives
 from sdt_drake.systems.gains import SpeedGains
@@ -49,10 +55,10 @@ def pi_speed_controller(
     b = finite_number(setpoint_weight, "setpoint_weight", minimum=0)
     n, kp = len(gains.kp), gains.kp
     r = np.diag(positives(gear_ratio, "gear_ratio", n))
-    zero, one = np.zeros((n, n)), np.eye(n)
+    zero = np.zeros((n, n))
     integrator: System = Integrator(n)
     if period is not None:
-        integrator = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
+        integrator = DiscreteTimeIntegrator(n, period)
 
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect

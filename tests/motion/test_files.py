@@ -16,8 +16,8 @@ from sdt_drake.motion import (
     Motion,
     import_motion,
     load_plan,
-    trajectory,
 )
+from sdt_drake.motion.trajectory import resampled
 
 ANY_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -94,17 +94,14 @@ def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
     assert motion.duration == pytest.approx(20.005) and loss.longer == pytest.approx(0.003)
 
 
-def test_a_spline_in_blocks_is_the_spline_of_all(monkeypatch):
-    """Blocks keep memory small; samples beyond their overlap have no influence."""
-    rng = np.random.default_rng(1)
-    time, values = np.cumsum(rng.uniform(0.05, 1.0, 700)), rng.normal(size=(700, 2))
-    at = np.sort(np.append(rng.uniform(time[0], time[-1], 3000), time[[0, 100, 200, -1]]))
-    whole = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time, values.T)
-    monkeypatch.setattr(trajectory, "_BLOCK", 100)
-    for order in (0, 1):
-        right = whole.derivative(order).vector_values(at).T
-        parts = trajectory.splined(at, time, values, order)
-        np.testing.assert_allclose(parts, right, rtol=0, atol=1e-10)
+def test_speeds_from_positions_are_central_differences_of_the_cubic_spline():
+    time = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.03, 200))
+    q = np.sin(np.outer(time, [1.0, 3.0]))
+    motion, _ = resampled("in.csv", time, q, None, PERIOD)
+    spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time - time[0], q.T)
+    t = motion.time[1:-2]
+    after, before = (spline.vector_values(at).T for at in (t + PERIOD, t - PERIOD))
+    np.testing.assert_allclose(motion.v[1:-2], (after - before) / (2 * PERIOD), atol=1e-12)
 
 
 def test_a_csv_is_resampled_checked_by_the_limiter_and_slowed_down_by_retiming(robot, tmp_path):

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.recording import speed_limit
 from sdt_drake.machine.recordings import Recorded
-from sdt_drake.motion.trajectory import splined
 from sdt_drake.robot.robot import Robot
 
 _UNITS = {"q": "rad", "v": "rad/s", "tau": "N m"}
@@ -37,7 +37,7 @@ def without_spikes(recorded: Recorded, robot: Robot) -> Recorded:
                 signals[name] = values.copy()
             own, known = recorded.time[bad], recorded.time[~bad]
             at = np.clip(own, known[0], known[-1])  # constant beyond the ends
-            signals[name][bad, k] = splined(at, known, values[~bad, k : k + 1])[:, 0]
+            signals[name][bad, k] = CubicSpline(known, values[~bad, k])(at)
             i = int(bad.argmax())
             notes.append(
                 f"{name}_{k + 1}: {bad.sum()} value(s) far from all around, the first "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -14,7 +15,6 @@ from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.learn.filter import LearningFilter, through
 from sdt_drake.machine.recordings import Recorded, other_unit
 from sdt_drake.motion import Motion
-from sdt_drake.motion.trajectory import splined
 from sdt_drake.run.design import Design
 
 _ITERATIONS = 5  # Gauss-Newton steps to find the start to a fraction of a sample
@@ -153,7 +153,7 @@ def _found(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, 
 def _at(recorded: Recorded, values: Array, motion: Motion, shift: float) -> Array:
     """Return recorded values at the samples of a motion; constant beyond the recording."""
     time = np.clip(motion.time + shift, recorded.time[0], recorded.time[-1])
-    return splined(time, recorded.time, values)
+    return CubicSpline(recorded.time, values)(time)
 
 
 def _missing(recorded: Recorded, motion: Motion, shift: float) -> NDArray[np.bool_]:
