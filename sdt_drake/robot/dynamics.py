@@ -12,7 +12,6 @@ from pydrake.systems.framework import Context
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import joint_count
 from sdt_drake.robot.robot import Robot
 
@@ -99,7 +98,7 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
     plant = robot.plant
     context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
     torque = np.empty(q.shape)
-    for i, q_and_v in enumerate(with_progress(np.hstack([q, v]))):
+    for i, q_and_v in enumerate(np.hstack([q, v])):
         plant.SetPositionsAndVelocities(context, q_and_v)
         plant.CalcForceElementsContribution(context, forces)  # gravity and viscous friction
         torque[i] = plant.CalcInverseDynamics(context, vd[i], forces)
@@ -122,11 +121,7 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
     """
     q_and_v, vd = np.concatenate([q, v], axis=-1), np.asarray(vd, dtype=float)
     context = robot.plant.CreateDefaultContext()
-    rows = zip(
-        with_progress(q_and_v.reshape(-1, 2 * robot.n)),
-        vd.reshape(-1, robot.n),
-        strict=True,
-    )
+    rows = zip(q_and_v.reshape(-1, 2 * robot.n), vd.reshape(-1, robot.n), strict=True)
     groups = np.array([groups_of_sample(robot, context, *row) for row in rows])
     return TorqueGroups(*np.moveaxis(groups.reshape(*vd.shape[:-1], 5, robot.n), -2, 0))
 

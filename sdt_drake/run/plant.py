@@ -11,6 +11,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.progress import with_progress
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import (
     PRESLIDING_DAMPING_TIME,
@@ -29,6 +30,9 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains
 
+_BLOCK = 10_000
+"""Samples between reports of progress."""
+
 _along: WeakKeyDictionary[Motion, WeakKeyDictionary[Robot, TorqueGroups]] = WeakKeyDictionary()
 
 
@@ -39,7 +43,11 @@ def torques_along(robot: Robot, motion: Motion) -> TorqueGroups:
     """
     known = _along.setdefault(motion, WeakKeyDictionary())
     if robot not in known:
-        known[robot] = torque_groups(robot, motion.q, motion.v, motion.vd)
+        rows = np.arange(len(motion.q))
+        blocks = with_progress(np.array_split(rows, len(rows) // _BLOCK + 1))
+        parts = (torque_groups(robot, motion.q[i], motion.v[i], motion.vd[i]) for i in blocks)
+        by_group = zip(*(vars(part).values() for part in parts), strict=True)
+        known[robot] = TorqueGroups(*map(np.concatenate, by_group))
     return known[robot]
 
 

@@ -11,6 +11,7 @@ from by_hand import GEAR, inverse_dynamics
 from variants import kind
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.progress import watching
 from sdt_drake.motion import Motion
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
@@ -18,6 +19,7 @@ from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.run.controllers import Pi
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import make_loop
+from sdt_drake.run.plant import torques_along
 from sdt_drake.systems.gains import tune
 
 OMEGA_R = 65.991  # rad/s
@@ -124,6 +126,17 @@ def test_a_replaced_scenario_that_does_not_fit_makes_no_loop(design):
     said = r"^scenario '\w+': plant\.elasticity\.natural_frequency: gives joint 3 a pole"
     with pytest.raises(InputError, match=said):
         make_loop(dataclasses.replace(design, scenario=stiff))
+
+
+def test_torques_along_a_long_motion_are_those_of_its_samples_and_progress_is_told(robot):
+    wave = np.sin(0.01 * np.outer(np.arange(10_001), [1, 2, 3, 4]))
+    motion, told = Motion.from_speeds(0.005, np.zeros(4), wave), []
+    with watching(told.append):
+        groups = torques_along(robot, motion)
+    assert told == [0, 0, 0.5, 1]
+    whole = torque_groups(robot, motion.q, motion.v, motion.vd)
+    for name, values in vars(whole).items():
+        np.testing.assert_array_equal(getattr(groups, name), values, err_msg=name)
 
 
 def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, monkeypatch):
