@@ -281,26 +281,15 @@ _POSITION = "max_abs_position_error"
 
 def _summary(summary: Json) -> list[Block]:
     claims = summary["claims"]
-    answer = said(
-        "**Computed torque control (CTC) makes the speed error of joint 2 at constant speed "
-        "{steady_gain:.1f} times smaller than PI alone. While the reference accelerates, the gain "
-        "is only {ctc_gain:.2f} times; with the sign that the paper prints, CTC makes the error "
-        "larger.**",
-        **_numbers(summary),
-    )
     errors = "Speed errors on the coupled MultibodyPlant, with both signs of Algorithm 1."
-    assumed = Marked(
-        "**The device and the motion are assumed**, as the paper publishes neither geometry nor "
-        "masses. Results that depend on them are marked *not comparable*."
-    )
-    stated = said(
-        "The paper states that CTC improves the tracking of a four-axis trainer. {}",
-        claims_in_words(claims),
-    )
-    counts = [(n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
-    results = [Marked("### Findings"), bullets(findings(summary))]
-    picture = Picture("coupled_errors.png", errors)
-    return [answer, picture, *results, assumed, stated, tiles(counts)]
+    return [
+        prose("summary", TEXTS, **_numbers(summary)),
+        Picture("coupled_errors.png", errors),
+        Marked("### Findings"),
+        bullets(findings(summary)),
+        prose("claims", TEXTS, counted=claims_in_words(claims)),
+        tiles((n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()),
+    ]
 
 
 def _claim(claim: Json) -> Box:
@@ -319,9 +308,7 @@ def _runs(runs: Sequence[Json]) -> list[Block]:
     speeds = runs_table(RUN, map(run_cells, runs), runs, _SPEEDS)
     positions = runs_table(RUN, map(run_cells, runs), runs, (_POSITION, "saturated_fraction"))
     return [
-        "Largest, RMS and constant-speed error (from 1 s after the speed became constant) of each "
-        "joint's speed, joint side. The process i_eff_min is the published I_eff,max less the "
-        "published variation, for joint 4 too. A is the amplitude of the disturbance.",
+        prose("runs", TEXTS),
         speeds,
         "Largest position error, and saturated share of time.",
         positions,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -31,7 +30,6 @@ from sdt_drake.show.sections import (
     Picture,
     Section,
     Table,
-    bullets,
     prose,
     said,
 )
@@ -75,7 +73,7 @@ def fly_report(flown: CueingResult) -> Report:
         "`motion: motion.csv` in a scenario, and `sdt-drake simulate`."
     )
     in_short: list[Block] = [
-        bullets(_in_short(flown)),
+        _in_short(flown),
         Table(*flown.summary()[1:3]),
         Picture(
             "front.png",
@@ -106,64 +104,32 @@ def fly_report(flown: CueingResult) -> Report:
     return Report(f"{flight.name} on {best.robot.name}", [answer, following], sections)
 
 
-def _in_short(flown: CueingResult) -> Iterator[Marked]:
-    """Return the results of a flight, one by one."""
+def _in_short(flown: CueingResult) -> Marked:
+    """Return the results of a flight as a list."""
     flight, numbers = flown.chosen.flight, cast(Any, flown.numbers)
     own, alignment, *others = (one.figures(flown.felt) for one in flown.candidates)
     rate = flight.angular_rate - low_pass_at(flight.time, flight.angular_rate)
     size = np.linalg.norm(flight.specific_force, axis=1) / GRAVITY
-    both = {"own": own, "to": alignment}
-    yield said(
-        "**G:** the flight has {:.2f} to {:.2f} G. The error of the device is "
-        "{own[g_error_rms]:.3f} G RMS; that of alignment is {to[g_error_rms]:.3f} G.",
-        size.min(), size.max(), **both,
-    )  # fmt: skip
-    yield said(
-        "**Rotation:** the canals sense {:.1f} deg/s RMS in flight. The felt error of the device "
-        "is {own[felt_rotation_rms_deg_s]:.1f} deg/s; that of alignment is "
-        "{to[felt_rotation_rms_deg_s]:.1f} deg/s.",
-        np.degrees(np.sqrt((rate**2).mean(axis=0).sum())), **both,
-    )  # fmt: skip
-    yield said(
-        "**Rotation without the approach:** if the canals' high pass started at zero with the "
-        "flight, the error would be {own[felt_rotation_from_zero_rms_deg_s]:.1f} deg/s, that of "
-        "alignment {to[felt_rotation_from_zero_rms_deg_s]:.1f} deg/s. The approach accelerates the "
-        "arm; its rotation fades from the canals before the flight.",
-        **both,
-    )
-    yield said(
-        "**Horizontal force:** the error is above the threshold "
-        "{own[horizontal_force_felt_share]:.0%} of the time; that of alignment "
-        "{to[horizontal_force_felt_share]:.0%}.",
-        **both,
-    )
     felt, aligned = (x["felt_vertical_rms_deg"] for x in (own, alignment))
-    if felt is None:
-        yield Marked(
-            "**Felt vertical:** unknown; the model of the pilot does not cover weightlessness."
-        )
-    else:
-        beside = "" if aligned is None else said("; with alignment {:.1f} deg", aligned)
-        yield said("**Felt vertical:** {:.1f} deg RMS from that in flight{}.", felt, beside)
+    beside = "" if aligned is None else said("; with alignment {:.1f} deg", aligned)
+    cause = ""
     if flown.unlimited:
-        free = others[1]
-        yield said(
-            "**Cause:** without torque limits the errors would be {g_error_rms:.3f} G and "
+        cause = said(
+            "\n- **Cause:** without torque limits the errors would be {g_error_rms:.3f} G and "
             "{felt_rotation_rms_deg_s:.1f} deg/s: {why}.",
-            why="the difference is due to the motors" if _costs(own, free)
+            why="the difference is due to the motors" if _costs(own, others[1])
             else "the motors hardly matter; kinematics and speeds do",
-            **free,
+            **others[1],
         )  # fmt: skip
-    yield said(
-        "**Motors:** at most {:.1%} of their torque; {:g} % were allowed.",
-        own["torque_share_max"], 100 * numbers["torque_share_allowed"],
+    broken = "\n- **Interrupted:** this is the best motion found before the interruption."
+    return prose(
+        "fly_in_short", own=own, to=alignment, flight=flight, least=size.min(), most=size.max(),
+        rate=np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
+        vertical="unknown; the model of the pilot does not cover weightlessness" if felt is None
+        else said("{:.1f} deg RMS from that in flight{}", felt, beside),
+        cause=cause, allowed=100 * numbers["torque_share_allowed"],
+        start=numbers["flight_starts_at"], interrupted=Marked(broken * numbers["interrupted"]),
     )  # fmt: skip
-    yield said(
-        "**Time:** {:g} s of flight, from {:g} s of the motion on.",
-        flight.duration, numbers["flight_starts_at"],
-    )  # fmt: skip
-    if numbers["interrupted"]:
-        yield Marked("**Interrupted:** this is the best motion found before the interruption.")
 
 
 def _in_3d(best: Candidate) -> list[Block]:

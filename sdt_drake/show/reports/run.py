@@ -43,6 +43,7 @@ from sdt_drake.show.sections import (
     details,
     fenced,
     joined,
+    prose,
     said,
 )
 from sdt_drake.show.style import joint_title
@@ -83,7 +84,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
     story = story_of(scenario.motion, design.robot, design.motion)
     yaml = details("The scenario, every field of it, as YAML", fenced(yaml_text(scenario).rstrip()))
     sections = [
-        Section("In short", [bullets(answer.in_short())]),
+        Section("In short", [answer.in_short()]),
         Section("What was run", [Table(["", ""], list(_what(design))), _gains(design)]),
         Section("Loops", _loops(design, answer.response)),
         Section("Tracking", [tracking]),
@@ -175,26 +176,23 @@ class _Answer:
         ran = said("{} on {}, {:g} s.", design.robot.name, motion, duration)
         return [answer, said("Next: {} {}", Marked(advice), ran)]
 
-    def in_short(self) -> Iterator[Marked]:
-        """Return the result on speed, position, motors, pilot and loops, and notes."""
-        run, speed = self.run, self.speed
+    def in_short(self) -> Marked:
+        """Return the result on speed, position, motors, pilot and loops, and notes, as a list."""
+        run, speed, share = self.run, self.speed, self.run.motors.peak_share
         planned = np.abs(run.recording.v_ref[:, speed["k"]]).max()
-        share = speed["error"] / planned if planned > 0 else 0
-        of_planned = said(": {:.1%} of the joint's largest planned speed", share) if share else ""
-        yield said(
-            "**Speed:** the largest error is {error:.4g} rad/s, {joint}, at {time:.3f} s{}.",
-            of_planned, **speed,
+        relative = speed["error"] / planned if planned > 0 else 0
+        of_planned = said(": {:.1%} of the joint's largest planned speed", relative)
+        k, saturated = int(np.nanargmax(share)), ", ".join(self.saturated)
+        first = prose(
+            "run_in_short", speed=speed, position=self.position, share=share[k],
+            of_planned=of_planned if relative else "", used=self._joint(k),
+            saturated=f"Saturated: {saturated}" if saturated else "No motor saturates",
         )  # fmt: skip
-        yield said(
-            "**Position:** the largest error is {error:.4g} deg, {joint}, at {time:.3f} s.",
-            **self.position,
-        )
-        k = int(np.nanargmax(run.motors.peak_share))
-        limited = f"Saturated: {', '.join(self.saturated)}" if self.saturated else ""
-        yield said(
-            "**Motors:** the largest share of a motor's torque is {:.1%}, {}. {}.",
-            run.motors.peak_share[k], self._joint(k), limited or "No motor saturates",
-        )  # fmt: skip
+        return joined([first, bullets(self._more())], "\n")
+
+    def _more(self) -> Iterator[Marked]:
+        """Return the result on pilot and loops, and notes."""
+        run = self.run
         if self.has_head:
             yield said(
                 "**Pilot:** the error can be felt {:.1%} of the time; if only positions were "
