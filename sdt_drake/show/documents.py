@@ -131,6 +131,12 @@ def _markdown(block: Block) -> str:
 
 # --- pages -----------------------------------------------------------------------------------
 
+
+def html_of(blocks: Iterable[Block]) -> _Html:
+    """Return texts and tables as HTML, for a template."""
+    return _Html(_Page(Path(), symbols=False).blocks(blocks))
+
+
 _GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
 _SYMBOL = re.compile(
     r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"

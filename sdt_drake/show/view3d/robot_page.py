@@ -19,8 +19,8 @@ from sdt_drake.io.shown import joint_count, numbered
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.shapes import drawable
-from sdt_drake.show.documents import render_html
-from sdt_drake.show.sections import Table
+from sdt_drake.show.documents import html_of, render_html
+from sdt_drake.show.sections import Block, Table, bullets
 from sdt_drake.show.view3d.scene import FIELD_OF_VIEW, FRAME_RATE, WIDTH, Frames, Scene
 from sdt_drake.show.view3d.viewer import freeing_meshcat, in_browser, open_meshcat, page_with
 from sdt_drake.systems.skeleton import arrow, bones
@@ -233,11 +233,10 @@ def robot_page(robot: Robot) -> str:
         title=robot.name,
         sentence=sentence(robot, shown.links),
         file=robot.path.name,
-        accepted=robot.accepted,
-        left_out=drawable(robot)[1],
-        tables=[joint_table(robot), link_table(shown.links)],
+        notes=html_of(_notes(robot)),
+        tables=html_of([joint_table(robot), link_table(shown.links)]),
         data=shown.data(),
-        axes=[_AXES] if shown.scene.has_shapes else [],
+        axes=_AXES if shown.scene.has_shapes else "",
         masses=_MASSES,
         eye=in_browser(shown.scene.eye),
         target=in_browser(shown.scene.target),
@@ -245,6 +244,16 @@ def robot_page(robot: Robot) -> str:
         width=WIDTH,
     )
     return page_with(meshcat, robot.name, overlay)
+
+
+def _notes(robot: Robot) -> list[Block]:
+    """Return what was changed on reading the robot's file, and what is not drawn."""
+    accepted, left_out = robot.accepted, drawable(robot)[1]
+    changed = f"Changed on reading {robot.path.name}:"
+    return [
+        *([changed, bullets(accepted)] if accepted else []),
+        *(["Not drawn:", bullets(left_out)] if left_out else []),
+    ]
 
 
 def robot_html(robot: Robot, path: Path) -> None:
