@@ -20,6 +20,7 @@ import sdt_drake
 from sdt_drake.cli import COMMANDS, GROUPS, SUBCOMMANDS
 from sdt_drake.cli.old_forms import modern
 from sdt_drake.cli.printing import bar, console, stop_printing
+from sdt_drake.cli.telling import in_options
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs
 from sdt_drake.io.progress import watching
@@ -154,8 +155,11 @@ def _run(arguments: Sequence[str]) -> int:
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         command, bound, _ = commands(arguments[0]).parse_args(arguments)
         _check_surroundings(bool(bound.arguments.get("show")))
-        with asking(_ask), trusting(bool(bound.arguments.get("trust"))):
-            code: int | None = command(*bound.args, **bound.kwargs)
+        try:
+            with asking(_ask), trusting(bool(bound.arguments.get("trust"))):
+                code: int | None = command(*bound.args, **bound.kwargs)
+        except InputError as error:
+            raise in_options(error, bound) from None
         sys.stdout.flush()
     for warning in caught:  # of libraries; after an error they are left out
         _print_error(f"warning: {warning.message}")

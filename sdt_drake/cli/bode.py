@@ -39,8 +39,7 @@ def run(
 
     common.check_out(out, show, RESULT_TABLES)
     design = common.design_of(scenario, changes)
-    with common.naming_fields({"time": "--time"}):
-        response = sdt.bode(design, time=time)
+    response = sdt.bode(design, time=time)
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
     echo(f"{chosen.summary().title}: {_verdict(response, design.robot)}")

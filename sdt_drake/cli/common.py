@@ -1,10 +1,9 @@
-"""Parts that commands share: types of options, checks of output files, errors that name options."""
+"""Parts that commands share: types of options, checks of output files."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,7 +13,7 @@ from cyclopts.validators import Number
 
 from sdt_drake.cli import completion
 from sdt_drake.cli.printing import echo
-from sdt_drake.io.errors import MAX_NUMBER, InputError, Problem, at_most, is_within, retelling
+from sdt_drake.io.errors import MAX_NUMBER, InputError, at_most
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, FIGURES, check_binary
 
@@ -181,57 +180,11 @@ def design_of(
     from sdt_drake.run.design import load_device, make_design
     from sdt_drake.run.scenario import load_scenario
 
-    with naming_changes(changes):
-        scenario = load_scenario(path, dict(changes))
-        with naming_file(path, scenario.name):
-            robot = load_device(scenario)
-            if check is not None:
-                check(robot)
-            return make_design(scenario, robot=robot)
-
-
-def naming_changes(changes: Changes) -> AbstractContextManager[None]:
-    """Make a context in which errors name the --set that they concern, or else all of them."""
-    names = {name: f"--set {name}" for name, _ in changes}
-    return naming_fields(names, f" (with --set {', '.join(names)})" if names else "")
-
-
-def naming_fields(options: Mapping[str, str], otherwise: str = "") -> AbstractContextManager[None]:
-    """Make a context in which errors about fields name the option that gave the value.
-
-    Args:
-        options: names of options by dotted names of fields.
-        otherwise: text to append to all other errors.
-    """
-
-    def named(problem: Problem) -> Problem:
-        for field, option in options.items():
-            if is_within(problem.place, field):
-                return problem._replace(where="", place=problem.place.replace(field, option, 1))
-        return Problem(f"{problem}{otherwise}", kind=problem.kind) if otherwise else problem
-
-    return retelling(named)
-
-
-def naming_robot(option: str) -> AbstractContextManager[None]:
-    """Make a context in which errors about a motion of another robot name the option to mend it."""
-
-    def named(problem: Problem) -> Problem:
-        text = f"{problem}; give the robot of the motion with {option}"
-        return Problem(text) if problem.kind == "joints" else problem
-
-    return retelling(named)
-
-
-def naming_file(path: str, scenario: str) -> AbstractContextManager[None]:
-    """Make a context in which errors name the file of a scenario in place of its name."""
-    own = f"scenario '{scenario}'"
-
-    def named(problem: Problem) -> Problem:
-        is_own = problem.where.startswith(own)
-        return problem._replace(where=path + problem.where.removeprefix(own)) if is_own else problem
-
-    return retelling(named)
+    scenario = load_scenario(path, dict(changes))
+    robot = load_device(scenario)
+    if check is not None:
+        check(robot)
+    return make_design(scenario, robot=robot)
 
 
 def is_scenario(path: str) -> bool:

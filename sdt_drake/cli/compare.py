@@ -10,7 +10,6 @@ import sdt_drake as sdt
 from sdt_drake.cli import common, completion
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
 from sdt_drake.cli.printing import echo, print_table
-from sdt_drake.io.errors import within
 
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import Comparison
@@ -49,8 +48,7 @@ def run(
     text = CONTROLLERS[plant] if controllers is None else controllers
     labels = [label.strip() for label in text.split(",") if label.strip()]
     comparison.check_labels(labels, "--controllers")
-    with within(scenario), common.naming_file(scenario, name):
-        compared = sdt.compare(design, labels)
+    compared = sdt.compare(design, labels)
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
     echo(f"{name}: {count} on the {plant} plant{_ranking(compared)}")
     print_table(*comparison.comparison_rows(compared), keys=2)

@@ -58,8 +58,7 @@ def run(
         source = scenario or "training"
     elif scenario is not None:
         raise InputError(f"--scenario: has no effect, since {source} is a scenario")
-    with common.naming_robot("--scenario"), common.naming_changes(changes):
-        design = make_design(load_scenario(source, changed))
+    design = make_design(load_scenario(source, changed))
     controller, drives = design.scenario.controller, load_drives(drive, design.nominal.n)
     runs = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
     period, cycle = design.motion.period, drives.cycle_time

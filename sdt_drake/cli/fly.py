@@ -66,11 +66,10 @@ def run(
     recorded = read_flight(flight, columns)
     for line in check_flight(recorded):
         echo(f"suspicious: {line}")
-    with common.naming_fields({"knot": "--knot", "approach": "--approach"}):
-        flown = sdt.fly(
-            device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
-            torque_margin=torque_margin, g_weight=g_weight, perception=model, compare=not alone,
-        )  # fmt: skip
+    flown = sdt.fly(
+        device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
+        torque_margin=torque_margin, g_weight=g_weight, perception=model, compare=not alone,
+    )  # fmt: skip
     page = write_flown(out, flown)
     summary, chosen = flown.summary(), flown.chosen
     echo(

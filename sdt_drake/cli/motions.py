@@ -61,8 +61,7 @@ def _print_one(motion: str, robot: RobotModel) -> None:
     from sdt_drake.pilot.head import has_head
 
     profile = load_profile(motion)
-    with common.naming_robot("--robot"):
-        command = load_command(motion, robot)
+    command = load_command(motion, robot)
     with within(motion):
         g = _largest_g(command, robot)
     echo(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")

@@ -59,14 +59,13 @@ def run(
     if drive_table is not None:
         _check_drive_table(drive_table, out)
     model = sdt.load_robot(robot or common.ROBOT) if envelope is None else driven(envelope, robot)
-    with common.naming_robot("--robot"):
-        plan = load_plan(
-            motion,
-            model,
-            period=period,
-            torque_margin=torque_margin,
-            planner=planner,
-        )
+    plan = load_plan(
+        motion,
+        model,
+        period=period,
+        torque_margin=torque_margin,
+        planner=planner,
+    )
     report = margins(model, plan.motion)
     if drive_table:
         with within(drive_table):

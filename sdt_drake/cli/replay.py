@@ -43,9 +43,8 @@ def run(
     common.check_out(out, show, ["", ".csv"])
     if out is not None and not out.suffix:
         common.check_folder(out, FILES)
-    with common.naming_changes(changes):
-        loaded = sdt.load(scenario, dict(changes))
-        replayed = sdt.replay(recording, loaded, columns=columns, side=side)
+    loaded = sdt.load(scenario, dict(changes))
+    replayed = sdt.replay(recording, loaded, columns=columns, side=side)
     for line in replay_findings(replayed):
         echo(plain(line))
     for table in tables(replayed):

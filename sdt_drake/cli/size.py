@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-from sdt_drake.cli.common import Changes, Out, Trust, check_folder, naming_changes, one_of
+from sdt_drake.cli.common import Changes, Out, Trust, check_folder, one_of
 from sdt_drake.cli.printing import echo
 from sdt_drake.cli.study import FAILED, Cluster, Resume, Workers, run_into
 from sdt_drake.io.files import replacing_files, write_text
@@ -38,8 +38,7 @@ def run(
     from sdt_drake.studies.summary import failures
     from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, verdict_table
 
-    with naming_changes(changes):
-        chosen, base = load_sizing(sizing, dict(changes))
+    chosen, base = load_sizing(sizing, dict(changes))
     folder = out or Path(chosen.name)
     check_folder(folder, ("sizing.txt", "candidates.csv", *FILES))
     run_into(folder, chosen.study(), base, workers, cluster, resume)

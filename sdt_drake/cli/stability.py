@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     from sdt_drake.run.design import Design
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
-_OPTIONS = {
-    "plant.elasticity.natural_frequency": "--omega-r",
-    "plant.elasticity.damping_ratio": "--damping",
-}
-"""The options of the command by the fields that they set."""
 
 
 def run(
@@ -67,11 +62,10 @@ def run(
     if chosen.drive != IDEAL:
         drives["the scenario's drive"] = chosen.drive
     sweeps: dict[str, dict[str, StabilitySweep]] = {encoder: {} for encoder in ENCODERS}
-    with common.naming_fields(_OPTIONS):
-        for encoder, label in with_progress([*product(ENCODERS, drives)]):
-            sweeps[encoder][label] = stability_sweep(
-                design, frequency, encoder=encoder, drive=drives[label], damping_ratio=damping
-            )
+    for encoder, label in with_progress([*product(ENCODERS, drives)]):
+        sweeps[encoder][label] = stability_sweep(
+            design, frequency, encoder=encoder, drive=drives[label], damping_ratio=damping
+        )
     own, names = own_ratio(design, frequency), design.robot.joint_names
     for place, by_drive in sweeps.items():
         limit = by_drive[label].unstable_from  # of the last drive, the scenario's

@@ -75,8 +75,7 @@ def _loop(
 ) -> None:
     """Step an input of a scenario's loop."""
     design = common.design_of(scenario, changes)
-    with common.naming_fields({name: f"--{name}" for name in ("joint", "size", "at", "duration")}):
-        step = sdt.step(design, **options)
+    step = sdt.step(design, **options)
     m = step.metrics["v"][step.joint - 1]
     settles = "does not settle"
     if math.isfinite(m.settling_time):

@@ -57,8 +57,7 @@ def run(
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
-    with common.naming_changes(changes):
-        loaded, base = load_study(study, dict(changes))
+    loaded, base = load_study(study, dict(changes))
     folder = out or Path(loaded.name)
     results = run_into(folder, loaded, base, workers, cluster, resume)
     table = read_study_table(folder)

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
     from sdt_drake.run.design import Design
 
-_OPTIONS = {"omega_r": "--omega-r", "zeta": "--zeta"}
-"""Options by fields of the controller."""
 _PUBLISHED = "published for the shipped device"
 _TOLERANCE = 0.01
 """Share of 0.5 omega_r that omega_n may exceed without a note: omega_r is not known better."""
@@ -88,9 +86,8 @@ def run(
 
 def _of_scenario(path: str, given: Mapping[str, Any], changes: Changes) -> Design:
     given = {name: value for name, value in given.items() if value is not None}
-    with common.naming_fields({f"--set controller.{name}": _OPTIONS[name] for name in given}):
-        own = ((f"controller.{name}", value) for name, value in given.items())
-        return common.design_of(path, (*changes, *own))
+    own = ((f"controller.{name}", value) for name, value in given.items())
+    return common.design_of(path, (*changes, *own))
 
 
 def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str, Any]) -> Design:
@@ -108,18 +105,13 @@ def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str
         omega_r = OMEGA_R
     if zeta is None and _is_shipped(robot):
         zeta = table1("zeta_max")
-    names = {f"controller.{name}": option for name, option in _OPTIONS.items()}
-    with (
-        common.naming_robot("--robot"),
-        common.naming_fields(names | _OPTIONS | {"period": "--period"}),
-    ):
-        scenario = Scenario(
-            robot=robot,
-            motion=motion,
-            period=period or INTERPOLATION_PERIOD,
-            controller=Pi(omega_r=omega_r, zeta=zeta),
-        )
-        return sdt.design(scenario)
+    scenario = Scenario(
+        robot=robot,
+        motion=motion,
+        period=period or INTERPOLATION_PERIOD,
+        controller=Pi(omega_r=omega_r, zeta=zeta),
+    )
+    return sdt.design(scenario)
 
 
 def _is_shipped(robot: str) -> bool:

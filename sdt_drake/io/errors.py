@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -81,33 +80,27 @@ class InputError(ValueError):
 
 
 @contextlib.contextmanager
-def retelling(change: Callable[[Problem], Problem]) -> Iterator[None]:
-    """Change each problem of an `InputError` raised in the block."""
+def within(where: str | Path = "", *, place: str = "", kind: str = "") -> Iterator[None]:
+    """Tell of the problems of an `InputError` raised in the block where they are.
+
+    Args:
+        where: file or object to put before theirs.
+        place: dotted name of a field to put before their places.
+        kind: kind of the problems, see `Problem`.
+    """
     try:
         yield
     except InputError as error:
-        raise type(error)(*map(change, error.problems)) from None
+        problems = [_placed(one, f"{where}", place, kind) for one in error.problems]
+        raise type(error)(*problems) from None
 
 
-def rewording(line: Callable[[str], str]) -> AbstractContextManager[None]:
-    """Rewrite each line of an `InputError` raised in the block."""
-    return retelling(lambda problem: Problem(line(f"{problem}"), kind=problem.kind))
-
-
-def within(where: str | Path) -> AbstractContextManager[None]:
-    """Prefix the problems of an `InputError` raised in the block with their file or object."""
-
-    def named(problem: Problem) -> Problem:
-        if f"{problem}".startswith(f"{where}"):
-            return problem
-        return problem._replace(where=": ".join(filter(None, (f"{where}", problem.where))))
-
-    return retelling(named)
-
-
-def at(place: str) -> AbstractContextManager[None]:
-    """Prefix the places of the problems of an `InputError` raised in the block with `place`."""
-    return retelling(lambda problem: problem._replace(place=dotted(place, problem.place)))
+def _placed(problem: Problem, where: str, place: str, kind: str) -> Problem:
+    if where and not f"{problem}".startswith(where):
+        problem = problem._replace(where=": ".join(filter(None, (where, problem.where))))
+    if place:
+        problem = problem._replace(place=dotted(place, problem.place))
+    return problem._replace(kind=kind or problem.kind)
 
 
 def dotted(place: str, name: str) -> str:

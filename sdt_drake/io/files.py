@@ -16,7 +16,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError, rewording
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.signals import holding_signals
 
 _inputs: set[Path] | None = None  # files read by the command; None: not tracked
@@ -258,6 +258,16 @@ def _check_kind(path: Path) -> None:
 
 
 @contextlib.contextmanager
+def _telling_of(folder: Path, new: Path) -> Iterator[None]:
+    """Name `folder` in place of the temporary folder `new` in messages."""
+    try:
+        yield
+    except InputError as error:
+        texts = (f"{one}".replace(f"{new}", f"{folder}") for one in error.problems)
+        raise InputError(*texts) from None
+
+
+@contextlib.contextmanager
 def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` if the block succeeds.
 
@@ -273,7 +283,7 @@ def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
     """
     new = folder / f".{os.urandom(8).hex()}.partial"
     with contextlib.ExitStack() as kept:
-        kept.enter_context(rewording(lambda line: line.replace(f"{new}", f"{folder}")))
+        kept.enter_context(_telling_of(folder, new))
         released = kept.enter_context(holding_signals())
         try:
             kept.enter_context(_made([folder]))

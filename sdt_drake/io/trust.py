@@ -37,7 +37,7 @@ def trusted_code(file: Path) -> bytes:
     if (path, digest) not in _accepted and not _ask.get()(path, digest):
         raise InputError(
             f"{path}: is Python that would be run, SHA-256 {digest}, and is not trusted; read it, "
-            "then allow it with --trust (in Python: trust=True)"
+            "then allow it with trust=True"
         )
     _accepted.add((path, digest))
     return content

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, retelling, within
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
@@ -165,7 +165,7 @@ def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -
     """
     where = where or f"motion '{profile.name}'"
     with within(where):
-        with retelling(lambda problem: problem._replace(kind="joints")):
+        with within(kind="joints"):
             check_joints(profile, "", robot.n)
         return _command(profile, robot)
 

@@ -131,7 +131,7 @@ def _advice(folder: Path) -> Iterator[None]:
         message = f"{folder / SUMMARY}: {reason}, as another version has written it"
     else:
         return
-    raise InputError(f"{message}; run `sdt-drake reproduce --out {folder}` first")
+    raise InputError(f"{message}; recompute the paper into {folder} first")
 
 
 def _read_summary(path: Path) -> Json:

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 from pydantic import Field
 
-from sdt_drake.io.errors import InputError, at
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
     FileOf,
     Input,
@@ -107,14 +107,14 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
         InputError: no such link, or a body that is physically impossible.
     """
     if deviation.payload != _PAYLOAD:  # check a given name even if nothing changes
-        with at(where):
+        with within(place=where):
             link_named(parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
     if deviation.exact:
         return robot
     known = _made.setdefault(robot, WeakValueDictionary())
     made = known.get(deviation)
     if made is None:
-        with at(where):
+        with within(place=where):
             made = edited(robot, lambda root: _apply(deviation, robot, root))
         known[deviation] = made
     return made

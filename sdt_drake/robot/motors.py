@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, at, suggestion
+from sdt_drake.io.errors import InputError, suggestion, within
 from sdt_drake.io.fields import (
     EachJoint,
     EachJointOrNone,
@@ -212,7 +212,7 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
     envelope = _envelope(motors, fitted)
     if choice.changes_nothing:
         return robot if envelope is None else replace(robot, envelope=envelope)
-    with at("device"):
+    with within(place="device"):
         other = edited(robot, lambda root: _fit(root, robot, choice, motors))
         other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
     stiffness = choice.structure_scale**choice.stiffness_exponent

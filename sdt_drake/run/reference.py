@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sdt_drake.io.errors import at
+from sdt_drake.io.errors import within
 from sdt_drake.motion import LearnedReference, Motion, load_learned
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import as_driven
@@ -33,7 +33,7 @@ def taught_reference(
         return given
     if not scenario.learned:
         return LearnedReference(wanted)
-    with at("learned"):
+    with within(place="learned"):
         return load_learned(scenario.learned, wanted, robot, torque_margin=margin)
 
 

@@ -284,7 +284,7 @@ def check_screen(where: str) -> None:
     if not screen:
         raise InputError(
             f"{where}: no screen to draw on (matplotlib's backend is {backend}); write the figure "
-            "to a file with --out"
+            "to a file"
         )
 
 

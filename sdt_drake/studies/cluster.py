@@ -15,7 +15,7 @@ from sdt_drake.studies.fields import Value
 from sdt_drake.studies.pool import Pool
 from sdt_drake.studies.table import Row
 
-with needing("--cluster needs Dask", "sdt_drake[cluster]"):
+with needing("cluster: needs Dask", "sdt_drake[cluster]"):
     from distributed import Client, TimeoutError
     from distributed.comm.addressing import get_address_host_port
 
@@ -55,17 +55,19 @@ class Cluster:
             self._client = Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
             raise InputError(
-                f"--cluster {address}: cannot be reached ({_line(error)}), expected the address of "
-                "a Dask scheduler, tcp://HOST:8786"
+                f"{address}: cannot be reached ({_line(error)}), expected the address of a Dask "
+                "scheduler, tcp://HOST:8786",
+                place="cluster",
             ) from None
         self._closed = threading.Event()
         try:
             threads = sum(self._client.nthreads().values())
             if not threads:
-                raise InputError(f"--cluster: has no workers; start one: dask worker {address}")
+                text = f"has no workers; start one: dask worker {address}"
+                raise InputError(text, place="cluster")
             for worker, other in self._client.run(_other_versions, job).items():
                 if other:
-                    raise InputError(f"--cluster: worker {worker} {other}")
+                    raise InputError(f"worker {worker} {other}", place="cluster")
             # The job is a task's result, not data: if its workers die, Dask computes it again.
             self._job = self._client.submit(_itself, job, pure=False)
         except Exception as error:
@@ -88,7 +90,8 @@ class Cluster:
                 self._client.wait_for_workers(1, _NO_WORKERS_TIMEOUT)
             except TimeoutError:
                 since = f"no workers for {_NO_WORKERS_TIMEOUT:g} s"
-                put(InputError(f"--cluster: {since}; start some, then continue with --resume"))
+                text = f"{since}; start some, then continue with resume=True"
+                put(InputError(text, place="cluster"))
             except Exception as error:
                 put(_input_error(error))
 
@@ -110,7 +113,8 @@ def _input_error(error: Exception) -> InputError:
     """Return an error of the cluster as InputError."""
     if isinstance(error, InputError):
         return error
-    return InputError(f"--cluster: connection lost ({_line(error)}); continue with --resume")
+    text = f"connection lost ({_line(error)}); continue with resume=True"
+    return InputError(text, place="cluster")
 
 
 def _line(error: Exception) -> str:
@@ -130,7 +134,7 @@ def run_row(job: Job, number: int, inputs: Mapping[str, Value]) -> Row:
     """
     if getattr(_here, "about", None) != job.about:
         if other := _other_versions(job):
-            raise InputError(f"--cluster: a worker that joined {other}")
+            raise InputError(f"a worker that joined {other}", place="cluster")
         if hasattr(_here, "pool"):
             _here.pool.close()
         _here.pool, _here.about = Pool(job), job.about

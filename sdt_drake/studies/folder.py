@@ -34,7 +34,7 @@ def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
             folder cannot be written.
     """
     if resume and not holds_study(folder):
-        raise InputError(f"{folder}: no study to resume; run without --resume to begin one")
+        raise InputError(f"{folder}: no study to resume; run without resume=True to begin one")
 
     def refuse() -> None:
         raise InputError(f"{folder}: another process runs this study; wait until it ends")
@@ -51,7 +51,7 @@ def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
         with Store(folder) as store:
             _check_same(job.about, store.about, folder)
             if not resume:
-                raise InputError(f"{folder}: contains this study; continue it with --resume")
+                raise InputError(f"{folder}: contains this study; continue it with resume=True")
             store.check_numbers(len(job.study))
             job.save_files(folder)
             for name in (BASE, STUDY):

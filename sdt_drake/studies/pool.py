@@ -47,7 +47,7 @@ class Pool:
         most = _MAX_PER_PROCESSOR * (os.cpu_count() or 1)
         if not 1 <= count <= most:
             expected = f"expected a whole number >= 1, at most {most} on this machine"
-            raise InputError(f"--workers: {count}, {expected}")
+            raise InputError(f"{count}, {expected}", place="workers")
         self.ahead = 2 * count  # rows that keep all processes busy
         self._job, self._count = job, count
         self._folder = Path(tempfile.mkdtemp(prefix="sdt-drake-"))

@@ -53,7 +53,7 @@ def read_study_table(folder: Path) -> StudyTable:
             raise ValueError("its columns are not those of the study")
         runs = store.runs()
     if runs.empty:
-        raise InputError(f"{folder}: no finished run; continue the study with --resume")
+        raise InputError(f"{folder}: no finished run; continue the study with resume=True")
     return StudyTable(
         name=study.name,
         runs=runs,

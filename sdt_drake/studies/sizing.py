@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
-from sdt_drake.io.errors import InputError, at, within
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
     FileOf,
     Input,
@@ -126,7 +126,7 @@ class Sizing(Input):
             yield "device", "motors and structure_scale come from the candidates; remove them here"
         if not self.device.fitted:
             yield "device.fitted", "missing, expected the motors of the robot file, '' for none"
-        with at("device"):
+        with within(place="device"):
             check_joints(self.device, "", self.n)
         catalogue = self.catalogue
         for k, ids in enumerate(self.motors):

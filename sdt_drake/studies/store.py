@@ -143,7 +143,7 @@ class Store(AbstractContextManager["Store"]):
         except sqlite3.Error as error:
             raise InputError(
                 f"{self.path}: cannot be written ({error}); {len(self.done())} runs are kept, "
-                "continue with --resume"
+                "continue with resume=True"
             ) from None
 
     def runs(self, number: int | None = None) -> pd.DataFrame:

@@ -66,7 +66,7 @@ def test_a_response_without_a_settling_time_has_a_dash(folder):
 def test_what_is_broken_is_named_and_the_old_report_stays(folder, name, old, new, problem):
     text, before = (folder / name).read_text(encoding="utf-8"), (folder / REPORT).read_bytes()
     (folder / name).write_text(re.sub(old, new, text), encoding="utf-8")
-    with pytest.raises(InputError, match=f"{problem}.*`sdt-drake reproduce --out {folder}`"):
+    with pytest.raises(InputError, match=f"{problem}.*recompute the paper into {folder} first"):
         write_report(folder)
     assert (folder / REPORT).read_bytes() == before
 

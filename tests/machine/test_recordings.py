@@ -173,7 +173,7 @@ def test_a_refusal_proposes_a_mapping_that_reads_the_file(
     text = str(error.value)
     assert f"q_1 is probably '{q}'" in text and part in text.replace("'", "")
     mapping = tmp_path / "columns.yaml"
-    mapping.write_text(text.partition("mapping file (--columns): ")[2], "utf-8")
+    mapping.write_text(text.partition("mapping file (columns=...): ")[2], "utf-8")
     recorded = read_recording(path, robot, load_columns(mapping))
     np.testing.assert_allclose(recorded.time, table[:, 0], atol=1e-12)
     angle = np.radians(table[:, 1:5]) if german else table[:, 1:5]

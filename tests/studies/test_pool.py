@@ -119,6 +119,6 @@ def test_a_study_survives_a_worker_and_reports_other_versions_and_a_lost_schedul
         cluster = Cluster(OddJob(str(desk), {1: "hang"}), dask.scheduler_address, print)
         cluster.submit(0, {}).result()
         running = cluster.submit(1, {})
-    with pytest.raises(InputError, match=r"--cluster: .*; .*--resume"):
+    with pytest.raises(InputError, match=r"cluster: .*; .*resume=True"):
         running.result()
     cluster.close()

@@ -317,7 +317,7 @@ class _Problem:
         k = int(use.max(axis=0).argmax())
         raise InputError(
             f"{self.target.robot.path}: joint {k + 1} exceeds its torque limit even at rest, "
-            "expected a stronger motor or a larger --margin"
+            "expected a stronger motor or a larger margin"
         )
 
 

@@ -54,8 +54,9 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
         names = load_robot(scenario.robot).joint_names
         if names != robot.joint_names:
             raise InputError(
-                f"--scenario {base}: its robot has joints {', '.join(names)}, expected "
-                f"{', '.join(robot.joint_names)} as in {robot.path}"
+                f"{base}: its robot has joints {', '.join(names)}, expected "
+                f"{', '.join(robot.joint_names)} as in {robot.path}",
+                place="scenario",
             )
         return scenario
     controller = PPi(omega_r=_OMEGA_R, feedforward="id")

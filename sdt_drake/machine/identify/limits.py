@@ -89,7 +89,7 @@ def assumed(robot: Robot, acceleration: Sequence[float] | None = None) -> list[s
         notes.append(
             f"accelerations are limited to {values} rad/s²: without a limit in the file "
             "(<drake:acceleration>), to the largest torque over the least inertia; "
-            "--acceleration sets the limits of the drives"
+            "give those of the drives (acceleration)"
         )
     if np.any(robot.velocity_limit > MAX_SPEED):
         notes.append(f"speeds are limited to {MAX_SPEED:g} rad/s; limits of the file are higher")

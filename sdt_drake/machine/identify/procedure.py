@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from sdt_drake.io.arguments import one_of, positive
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, retelling
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.diagnose.fit import standing_still, suspicious_torques, weakly_excited
@@ -196,9 +196,10 @@ def identify(
     is_spoilt = any(one.spoils for one in findings)
     wrong = [] if is_spoilt else misread(robot, eq)
     findings += [*standing_still(eq), *wrong]
-    doubts = list(map(str, wrong))
-    with retelling(lambda problem: problem._replace(found="; ".join([problem.found, *doubts]))):
+    try:
         consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
+    except InputError as error:
+        raise InputError("; ".join([f"{error}", *map(str, wrong)])) from None
     change = consistent.beta - found.beta
     # Friction changes with the base parameters by their correlation.
     friction = found.friction + N[r:, :r] @ np.linalg.solve(N[:r, :r], change)
@@ -291,7 +292,7 @@ def _repeated(eq: Equations) -> Iterator[str]:
     if np.mean(away < _MAX_DISTANCE * np.sqrt(states.shape[1])) > _REPEATED:
         yield (
             "the held-out data repeat the fitted motion, so they show only the noise; give a "
-            "recording of another motion with --validate"
+            "recording of another motion to validate"
         )
 
 
@@ -313,8 +314,9 @@ def _check_cutoff(cutoff: float | None, parts: Parts) -> None:
     most = MAX_CUTOFF_SHARE / max(stretch.period for *_, stretch in parts)
     if cutoff is not None and cutoff >= most:
         raise InputError(
-            f"--cutoff: {cutoff:g} Hz, expected less than {most:.4g} Hz, {MAX_CUTOFF_SHARE:g} of "
-            "the sample rate"
+            f"{cutoff:g} Hz, expected less than {most:.4g} Hz, {MAX_CUTOFF_SHARE:g} of the sample "
+            "rate",
+            place="cutoff",
         )
 
 
@@ -324,7 +326,7 @@ def _check_rows(eq: Equations, cutoff: float, path: Path) -> None:
         if not rows.any():
             raise InputError(
                 f"{path}: too short to {what} anything below {cutoff:.3g} Hz, expected a longer "
-                "recording, another --held-out or a higher --cutoff"
+                "recording, another held_out=... or a higher cutoff=..."
             )
     if not eq.moves.any():
         raise InputError(f"{path}: no joint moves more than the noise")

@@ -153,8 +153,9 @@ def design_filter(
         answer = _mean(responses(known_loop(design), "reference"))
     if bandwidth is not None and not 0 < bandwidth < np.pi / period:
         raise InputError(
-            f"--bandwidth: {bandwidth / (2 * np.pi):g} Hz, expected > 0 and < {0.5 / period:g} Hz, "
-            "half the sample rate"
+            f"{bandwidth / (2 * np.pi):g} Hz, expected > 0 and < {0.5 / period:g} Hz, half the "
+            "sample rate",
+            place="bandwidth",
         )
     if bandwidth is not None:
         chosen = [Bandwidth(bandwidth, "as given")] * design.robot.n
@@ -245,7 +246,7 @@ def refuse_divergence(checks: Sequence[Convergence], filter_: LearningFilter) ->
             raise InputError(
                 f"learning does not converge for {name}: {where} would keep {check.largest:.3g} of "
                 f"an error at {filter_.omega[i] / (2 * np.pi):.3g} Hz, expected less than 1; use "
-                "a lower --bandwidth or a better model"
+                "a lower bandwidth=... or a better model"
             )
         k = int(check.loops.demand.max(axis=0).argmax())
         demand = check.loops.demand[:, k].max()

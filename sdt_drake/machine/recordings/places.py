@@ -48,7 +48,7 @@ def place_of(numbers: Numbers, name: str) -> int | None:
     if numbers.names.count(name) > 1:
         raise InputError(
             f"{numbers.path}: {numbers.names.count(name)} columns '{name}', expected one; give its "
-            "number in a mapping file (--columns)"
+            "number in a mapping file (columns=...)"
         )
     if name in numbers.names:
         return numbers.names.index(name)
@@ -61,5 +61,5 @@ def missing(numbers: Numbers, name: str, signal: str) -> InputError:
     there = ", ".join(numbers.names[:12]) + (", ..." if len(numbers.names) > 12 else "")
     return InputError(
         f"{numbers.path}: no column '{name}' ({signal}), there are {there}; name the columns in a "
-        "mapping file (--columns)"
+        "mapping file (columns=...)"
     )

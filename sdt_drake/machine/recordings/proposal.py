@@ -89,7 +89,7 @@ def proposal(path: Path, joints: Sequence[str]) -> str:
     text = yaml.safe_dump(
         mapping, default_flow_style=True, width=np.inf, sort_keys=False, allow_unicode=True
     )
-    return f"{likely}; as a mapping file (--columns): {text.strip()}"
+    return f"{likely}; as a mapping file (columns=...): {text.strip()}"
 
 
 def _head(path: Path, n: int) -> _Head | None:

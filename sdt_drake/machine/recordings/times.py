@@ -72,7 +72,7 @@ def _check_rate(path: Path, columns: Layout, time: Array) -> None:
     raise InputError(
         f"{path}: {columns.time or 'rate'}: {len(time)} samples in {time[-1]:.4g} s, "
         f"{rate:.4g} Hz, expected {_MIN_RATE:g} to {_MAX_RATE:g} Hz"
-        + f"; {hints[better]} in the mapping file (--columns)"
+        + f"; {hints[better]} in the mapping file (columns=...)"
         * is_likely
     )
 
@@ -99,5 +99,5 @@ def other_unit(recorded: Recorded, moving: float) -> str:
         return ""
     return (
         f"; in {_UNITS[factor]} it would last {factor * lasts:.4g} s, time_factor: {factor:g} in "
-        "the mapping file (--columns)"
+        "the mapping file (columns=...)"
     )

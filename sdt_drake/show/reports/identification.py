@@ -221,8 +221,8 @@ def result(found: Identified) -> list[str]:
         return [answer, f"next: read {warnings} below"]
     return [
         answer,
-        "next: run sdt-drake simulate with the written scenario.yaml, and sdt-drake identify "
-        "`judge` with the written robot.sdf, friction.yaml and a recording of another motion",
+        "next: simulate the written scenario.yaml, and judge the written robot.sdf and "
+        "friction.yaml by a recording of another motion",
     ]
 
 
