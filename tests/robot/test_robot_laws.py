@@ -1,4 +1,4 @@
-"""Laws that hold for every robot: dynamics, sides of the gears, Algorithm 1, head, deviations."""
+"""Laws that hold for every robot: dynamics, sides of the gears, Algorithm 1, deviations."""
 
 import dataclasses
 import re
@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
-from pydrake.multibody.tree import JacobianWrtVariable
 from strategies import GENERATORS, moving, robots
 
-from sdt_drake.pilot.head import head_motion
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import decouple, effective_inertia, inverse_dynamics, torque_groups
 from sdt_drake.robot.parsed import parts_of
@@ -100,33 +98,6 @@ def test_loads_follow_algorithm_1(own, coupled, r):
     (load,), (help_,) = loads
     assert r * (load - help_) == pytest.approx(coupled, rel=1e-12, abs=1e-12)
     assert help_ * own >= 0 and abs(r * help_) <= abs(own) + 1e-12
-
-
-@FEW
-@given(moving(head=True))
-def test_the_head_moves_as_in_drake(case):
-    robot, *states = case
-    plant, context = robot.plant, robot.plant.CreateDefaultContext()
-    head, world = plant.GetFrameByName("head"), plant.world_frame()
-    at_head = (context, JacobianWrtVariable.kV, head, np.zeros(3), world, world)
-    motion = head_motion(robot, *states)
-    for i, (q, v, vd) in enumerate(zip(*states, strict=True)):
-        plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
-        pose = head.CalcPoseInWorld(context)
-        R = pose.rotation().matrix()
-        bias = plant.CalcBiasSpatialAcceleration(*at_head).get_coeffs()
-        acceleration = plant.CalcJacobianSpatialVelocity(*at_head) @ vd + bias
-        gravity = plant.gravity_field().gravity_vector()
-        expected = {
-            "specific_force": R.T @ (acceleration[3:] - gravity),
-            "angular_velocity": head.CalcSpatialVelocity(context, world, head).rotational(),
-            "angular_acceleration": R.T @ acceleration[:3],
-            "position": pose.translation(),
-            "rotation": R,
-        }
-        for name, value in expected.items():
-            own = getattr(motion, name)[i]
-            np.testing.assert_allclose(own, value, rtol=1e-9, atol=1e-8, err_msg=name)
 
 
 @FEW
