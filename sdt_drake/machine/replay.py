@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
+from scipy.ndimage import convolve1d
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arguments import instance_of
@@ -307,11 +308,9 @@ def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
 
 def _smoothed(values: Array, period: float) -> Array:
     """Return zero-phase filtered values: the mean over a Hann window of 0.1 s."""
-    half = max(1, round(_WINDOW / 2 / period))
+    half = round(_WINDOW / 2 / period)
     window = np.hanning(2 * half + 1)[1:-1] if half > 1 else np.ones(1)
-    padded = np.pad(values, [(half - 1, half - 1), (0, 0)], mode="edge")
-    columns = [np.convolve(x, window / window.sum(), mode="valid") for x in padded.T]
-    return np.stack(columns, axis=1)
+    return convolve1d(values, window / window.sum(), axis=0, mode="nearest")
 
 
 def _rms(values: Array) -> Array:

@@ -74,9 +74,8 @@ class Candidate:
         """Torques at the start and end of every period over the motors' limits, shape (2N, n)."""
         torque = np.vstack(torque_of_periods(self.robot, self.motion))
         low, high = self.robot.torque_range(np.vstack([self.motion.v[:-1], self.motion.v[1:]]))
-        return np.where(
-            torque > 0, torque / np.maximum(high, 1e-9), torque / np.minimum(low, -1e-9)
-        )
+        limit = np.where(torque > 0, np.maximum(high, 1e-9), np.minimum(low, -1e-9))
+        return torque / limit
 
     @cached_property
     def percept(self) -> Percept | None:

@@ -20,20 +20,7 @@ from sdt_drake.machine.drive_files.set_points import (
 )
 
 __all__ = [
-    "FILES",
-    "READ_BACK",
-    "Axis",
-    "Drives",
-    "Playback",
-    "Samples",
-    "SetPoints",
-    "cycles_in_a_period",
-    "export",
-    "load_drives",
-    "play_back",
-    "samples_from",
-    "samples_of",
-    "set_points",
-    "write_drive_table",
-    "write_files",
-]
+    "FILES", "READ_BACK", "Axis", "Drives", "Playback", "Samples", "SetPoints",
+    "cycles_in_a_period", "export", "load_drives", "play_back", "samples_from", "samples_of",
+    "set_points", "write_drive_table", "write_files",
+]  # fmt: skip

@@ -198,12 +198,8 @@ class _Space:
         unknowns, maps = (list(x) for x in zip(*parts, strict=True))
         missed = program.NewContinuousVariables(len(beta))
         one = program.NewContinuousVariables(1)
-        K, columns, sure = (
-            self.unknown.base.combination,
-            self.unknown.columns,
-            _whitening(covariance),
-        )
-        effect = np.hstack(maps)
+        K, columns = self.unknown.base.combination, self.unknown.columns
+        sure, effect = _whitening(covariance), np.hstack(maps)
         program.AddLinearEqualityConstraint(
             np.hstack([sure @ K @ effect[columns], np.eye(len(beta))]),
             sure @ (beta - K @ self.fixed[columns]),

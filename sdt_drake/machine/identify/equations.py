@@ -70,6 +70,20 @@ class Equations:
         """Number of joints."""
         return self.tau.shape[1]
 
+    def not_explained(self, predicted: Array, rows: Mask) -> Array:
+        """Return the RMS residual over the RMS torque while each joint moves [-], shape (n,).
+
+        NaN for a joint that never moves.
+
+        Args:
+            predicted: Predicted torque [N m], shape (M, n).
+            rows: Mask of the compared rows, shape (M,).
+        """
+        used = rows[:, None] & self.moves
+        error = np.sum(used * (self.tau - predicted) ** 2, axis=0)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.sqrt(error / np.sum(used * self.tau**2, axis=0)))
+
     @cached_property
     def angle(self) -> Array:
         """Positions of the outputs of the gears [rad], shape (M, n); see `turns`."""

@@ -108,16 +108,9 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
     variance = np.diagonal(covariance)
     variance = np.where(variance > 0, variance, np.nan)  # 0: no data, so nothing is known
     wider = np.sqrt(np.maximum(1.0, mean / variance))
-    return Estimate(
-        x[:r],
-        tuple(chosen),
-        x[r:],
-        covariance * np.outer(wider, wider),
-        misfit,
-        days,
-        condition,
-        tuple(rivals),
-    )
+    covariance = covariance * np.outer(wider, wider)
+    laws, others = tuple(chosen), tuple(rivals)
+    return Estimate(x[:r], laws, x[r:], covariance, misfit, days, condition, others)
 
 
 # --- least squares ---------------------------------------------------------------------------
@@ -136,9 +129,8 @@ def _columns(eq: Equations, chosen: Sequence[FrictionLaw]) -> list[Array]:
     for k, law in enumerate(chosen):
         X = np.zeros((len(eq.tau), r + f))
         X[:, :r] = eq.rigid[:, k]
-        X[:, r:][:, _joint_part(chosen, k)] = eq.friction[
-            :, k, [eq.terms[k].index(t) for t in law.terms]
-        ]
+        terms = [eq.terms[k].index(term) for term in law.terms]
+        X[:, r:][:, _joint_part(chosen, k)] = eq.friction[:, k, terms]
         columns.append(X)
     return columns
 
@@ -239,9 +231,7 @@ def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:
     smooth = np.convolve(spectrum, window, "same")
     power = smooth / np.maximum(np.convolve(1 - taken, window, "same"), 0.2 * len(window))
     twice = np.full(len(power), 2.0)
-    twice[0] = 1.0
-    if count % 2 == 0:
-        twice[-1] = 1.0
+    twice[[0, -1] if count % 2 == 0 else [0]] = 1.0
     return np.asarray((F.conj().T @ ((power * twice)[:, None] * F)).real / count)
 
 
@@ -260,11 +250,9 @@ class _Selection:
         self.r = eq.rigid.shape[2]
         rows = np.flatnonzero(eq.fit)
         folds = np.array_split(rows, _FOLDS)  # neighbouring rows are correlated
+        columns = list(enumerate(eq.augmented))
         self.grams = np.array(
-            [
-                [X[fold].T @ (weights[fold, k, None] * X[fold]) for fold in folds]
-                for k, X in enumerate(eq.augmented)
-            ]
+            [[X[rows].T @ (weights[rows, k, None] * X[rows]) for rows in folds] for k, X in columns]
         )
         self.whole = self.grams.sum(axis=1, keepdims=True)
         self.rest = self.whole - self.grams  # shape (n, folds, ., .)

@@ -194,9 +194,8 @@ def _even(recorded: Recorded, rows: slice, period: float, *, resample: bool) -> 
 def _of_means(time: Array, mean: Array, at: Array) -> Array:
     """Return the smooth signal with these means between the times: the derivative of a spline."""
     steps = np.diff(time, prepend=time[0])[:, None]  # the first mean is over the time before
-    return np.asarray(
-        make_interp_spline(time, np.cumsum(steps * mean, axis=0), k=5).derivative()(at)
-    )
+    sums = make_interp_spline(time, np.cumsum(steps * mean, axis=0), k=5)
+    return np.asarray(sums.derivative()(at))
 
 
 def zero_phase_low_pass(x: Array, cutoff: float, period: float) -> Array:
@@ -208,9 +207,8 @@ def zero_phase_low_pass(x: Array, cutoff: float, period: float) -> Array:
     if cutoff >= MAX_CUTOFF_SHARE / period:
         return x
     sos = butter(_ORDER, 2 * cutoff * period, output="sos")
-    return np.asarray(
-        sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, int(_PADDING / (cutoff * period))))
-    )
+    padding = min(len(x) - 1, int(_PADDING / (cutoff * period)))
+    return np.asarray(sosfiltfilt(sos, x, axis=0, padlen=padding))
 
 
 def amplitude_left(frequency: Array, cutoff: float) -> Array:
@@ -224,20 +222,11 @@ def smooth(stretch: Stretch, cutoff: float) -> Smooth:
     time: Array = stretch.start + stretch.period * np.arange(len(stretch.q), dtype=float)
     spline = _spline(time, stretch.q, stretch, cutoff)
     speed = spline.derivative() if stretch.v is None else _spline(time, stretch.v, stretch, cutoff)
-    tau = (
-        zero_phase_low_pass(stretch.tau, 0.4 / (every * stretch.period), stretch.period)
-        if every > 1
-        else stretch.tau
-    )
-    time = time[::every]
-    return Smooth(
-        time,
-        np.asarray(spline(time)),
-        np.asarray(speed(time)),
-        speed.derivative()(time),
-        tau[::every],
-        every * stretch.period,
-    )
+    tau, time, period = stretch.tau, time[::every], every * stretch.period
+    if every > 1:
+        tau = zero_phase_low_pass(tau, 0.4 / period, stretch.period)[::every]
+    q, v = np.asarray(spline(time)), np.asarray(speed(time))
+    return Smooth(time, q, v, speed.derivative()(time), tau, period)
 
 
 def _spline(time: Array, x: Array, stretch: Stretch, cutoff: float) -> BSpline:

@@ -117,13 +117,7 @@ def judge(
     rubs = np.einsum("mkt,kt->mk", eq.friction, values)
     if not eq.moves.any():
         raise InputError(f"{recorded[0].path}: no joint moves more than the noise")
-    with np.errstate(invalid="ignore"):  # a joint that never moves
-        left, without = (
-            np.sqrt(
-                np.sum(eq.moves * (eq.tau - tau) ** 2, axis=0)
-                / np.sum(eq.moves * eq.tau**2, axis=0)
-            )
-            for tau in (eq.nominal + rubs, eq.nominal)
-        )
+    every = np.ones(len(eq.time), dtype=bool)
+    left, without = (eq.not_explained(tau, every) for tau in (eq.nominal + rubs, eq.nominal))
     checked = [finding for one in recorded for finding in check_recording(robot, one)]
     return Judged(robot, cutoff, left, without, tuple(checked))

@@ -60,14 +60,8 @@ class Limits:
 
     def use(self, q: Array, v: Array, vd: Array, torque: Array) -> Array:
         """Return the share of each limit that a motion uses, shape (4, ..., n)."""
-        return np.abs(
-            [
-                (q - self.middle) / self.range,
-                v / self.speed,
-                vd / self.acceleration,
-                torque / self.torque,
-            ]
-        )
+        angle, speed = (q - self.middle) / self.range, v / self.speed
+        return np.abs([angle, speed, vd / self.acceleration, torque / self.torque])
 
 
 def _motor_acceleration(robot: Robot) -> Array:

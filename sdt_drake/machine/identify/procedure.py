@@ -108,11 +108,7 @@ class Identified(Shown):
             predicted: Predicted torque, joint side [N m], shape (M, n).
             held_out: True for held-out rows, False for fitted ones.
         """
-        eq = self.equations
-        rows = (eq.fit != held_out)[:, None] & eq.moves
-        error = np.sum(rows * (eq.tau - predicted) ** 2, axis=0)
-        with np.errstate(invalid="ignore"):  # a joint that never moves
-            return np.asarray(np.sqrt(error / np.sum(rows * eq.tau**2, axis=0)))
+        return self.equations.not_explained(predicted, self.equations.fit != held_out)
 
 
 def identify(

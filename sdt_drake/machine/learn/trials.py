@@ -214,14 +214,10 @@ class LearningResult(Shown):
 
     def summary(self) -> Summary:
         rows = [
-            [
-                f"{trial.number}",
-                f"{np.degrees(trial.largest.max()):.4f}",
-                f"{np.degrees(trial.score):.5f}",
-                formatted(100 * trial.felt, ".1f"),
-            ]
-            for trial in self.trials
-        ]
+            [f"{one.number}", f"{np.degrees(one.largest.max()):.4f}",
+             f"{np.degrees(one.score):.5f}", formatted(100 * one.felt, ".1f")]
+            for one in self.trials
+        ]  # fmt: skip
         header = ("flight", "largest error [deg]", "RMS error [deg]", "felt [% of time]")
         end = f", stopped: {self.reason}" if self.reason else ""
         return Summary(f"of {len(rows)} flight(s), best: {self.best.number}{end}", header, rows)
