@@ -129,7 +129,7 @@ Trust = Annotated[
     ),
 ]
 """The option of every command that loads scenarios; `app` handles it before the command runs."""
-Whole = Annotated[int, Parameter(converter=_whole)]
+Integer = Annotated[int, Parameter(converter=_whole)]
 Target = Annotated[Path, Parameter(converter=_path)]
 Out = Annotated[Path | None, Parameter(converter=_path)]
 Flag = Annotated[bool, Parameter(show_default=False)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Out, Scenario, Trust, Whole, number
+from sdt_drake.cli.common import Changes, Flag, Integer, Out, Scenario, Trust, number
 from sdt_drake.cli.printing import echo
 
 
@@ -16,7 +16,7 @@ def run(
     /,
     *,
     format: Literal["dot", "svg", "png", "pdf"] | None = None,
-    depth: Annotated[Whole, number(gte=0, lte=100)] = 2,
+    depth: Annotated[Integer, number(gte=0, lte=100)] = 2,
     drake: Flag = False,
     out: Out = None,
     changes: Changes = (),

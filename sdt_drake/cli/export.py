@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Scenario, Target, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Integer, Scenario, Target, Trust, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
@@ -25,7 +25,7 @@ def run(
     drive: Annotated[str, one_of("drives")],
     out: Target = Path("exported"),
     scenario: Annotated[str | None, one_of("scenario")] = None,
-    cam_points: Annotated[Whole, number(gte=2)] = 1000,
+    cam_points: Annotated[Integer, number(gte=2)] = 1000,
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Columns, Flag, Target, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Columns, Flag, Integer, Target, Trust, number, one_of
 from sdt_drake.cli.printing import echo, print_document_table, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, replacing_files
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Checked = Callable[[Design], tuple[LearningFilter, list[Convergence]]]
 
 _FLIGHTS, _DRAWS = 5, 20
-_Count = Annotated[Whole, number(gte=1, lte=1000)]
+_Count = Annotated[Integer, number(gte=1, lte=1000)]
 _Of = Annotated[
     Literal["reference", "torque"],
     Parameter(
@@ -49,7 +49,7 @@ _Study = Annotated[
     ),
 ]
 _Draws = Annotated[
-    Whole | None,
+    Integer | None,
     number(gte=1, lte=1000),
     Parameter(help="largest number of the study's devices to check (default: 20)"),
 ]

@@ -10,12 +10,12 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import (
     Changes,
+    Integer,
     Motion,
     OtherRobot,
     Out,
     Show,
     Trust,
-    Whole,
     number,
     one_of,
 )
@@ -148,7 +148,7 @@ def people(
     motion: Motion,
     /,
     *,
-    pilots: Annotated[Whole, number(gte=1, lte=100_000)] = 100,
+    pilots: Annotated[Integer, number(gte=1, lte=100_000)] = 100,
     robot: OtherRobot = None,
     gains: Gains = "clark2019",
 ) -> None:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, Whole
+from sdt_drake.cli.common import Changes, Integer, Out, Scenario, Show, Trust
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
@@ -25,7 +25,7 @@ def run(
     *,
     out: Out = None,
     show: Show = False,
-    joint: Annotated[Whole | None, Parameter(metavar="K")] = None,
+    joint: Annotated[Integer | None, Parameter(metavar="K")] = None,
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:

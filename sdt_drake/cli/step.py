@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, OmegaR, Out, Show, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Integer, OmegaR, Out, Show, Trust, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
 from sdt_drake.paper.published import OMEGA_R, table1
@@ -22,7 +22,7 @@ def run(
     /,
     *,
     input: Literal["reference", "extra_load_torque", "tau_cmd"] | None = None,
-    joint: Whole | None = None,
+    joint: Integer | None = None,
     size: Annotated[float | None, number()] = None,
     at: Annotated[float | None, number(gte=0)] = None,
     duration: Annotated[float | None, number(gt=0)] = None,

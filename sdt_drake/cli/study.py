@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Target, Trust, Whole, one_of
+from sdt_drake.cli.common import Changes, Integer, Out, Target, Trust, one_of
 from sdt_drake.cli.printing import bar, echo, errors, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 
@@ -23,7 +23,7 @@ FAILED = 1
 """Exit code if runs failed and left the study without an answer."""
 
 Workers = Annotated[
-    Whole | None, Parameter(metavar="N", help="processes on this machine (default: 1)")
+    Integer | None, Parameter(metavar="N", help="processes on this machine (default: 1)")
 ]
 Cluster = Annotated[
     str | None, Parameter(metavar="ADDRESS", help="address of a Dask scheduler, tcp://HOST:8786")
@@ -143,7 +143,7 @@ def repeat(
     folder: Folder,
     /,
     *,
-    row: Annotated[Whole, Parameter(metavar="N")],
+    row: Annotated[Integer, Parameter(metavar="N")],
     out: Out = None,
     trust: Trust = False,
 ) -> None:

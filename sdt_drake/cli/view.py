@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Flag, Integer, OtherRobot, Out, Trust, number, one_of
 from sdt_drake.cli.printing import echo, print_document_table
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.formats import TABLES
@@ -35,7 +35,7 @@ def run(
     record: Annotated[Out, Parameter(name=["--record", "--out"], metavar="FILE.html")] = None,
     pilot: Flag = False,
     rate: Annotated[float | None, number(gte=0.01, lte=1000)] = None,
-    port: Annotated[Whole | None, number(gte=1024, lte=65535)] = None,
+    port: Annotated[Integer | None, number(gte=1024, lte=65535)] = None,
     once: Flag = False,
     changes: Changes = (),
     trust: Trust = False,

@@ -7,9 +7,9 @@ reference:
     class Drive(Input):
         '''The drive between controller and motor, ideal by default.'''
 
-        period: Positive | None = setting(None, unit="s")
+        period: Positive | None = field(None, unit="s")
         '''Sampling period of the speed loop.'''
-        n1: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
+        n1: EachJoint[Positive] | None = field(None, unit="rad/s", side="motor")
         '''Motor speed up to which the full torque is available.'''
 
         def problems(self):  # rules between fields; called only if each field is valid
@@ -82,14 +82,14 @@ Number = Annotated[float, BeforeValidator(_number)]
 """A number of at most MAX_NUMBER. Truth values and texts are refused, except 1e3 in a file."""
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_number)]
 NotNegative = Annotated[float, Field(ge=0), BeforeValidator(_number)]
-Whole = Annotated[int, BeforeValidator(_number)]
+Integer = Annotated[int, BeforeValidator(_number)]
 Text = Annotated[str, Field(min_length=1)]
 if TYPE_CHECKING:
     Values = Sequence[T]
 else:
     Values = list[T]  # pydantic checks a list; objects have a tuple of it
 """A list in files; any sequence or array in Python."""
-Some = Annotated[Values[T], Field(min_length=1)]
+NonEmpty = Annotated[Values[T], Field(min_length=1)]
 """A list with at least one entry."""
 Names = Annotated[
     Values[str],
@@ -97,7 +97,7 @@ Names = Annotated[
     Field(json_schema_extra={"type": ["array", "string"]}),
 ]
 """A list of texts. A single text is read as a list with one entry."""
-SomeNames = Annotated[Names, Field(min_length=1)]
+NonEmptyNames = Annotated[Names, Field(min_length=1)]
 _PER_JOINT = Field(json_schema_extra={"per_joint": True})
 EachJointOrNone = Annotated[Values[T], _PER_JOINT]
 """A list with one value for each joint of the robot, or an empty list."""
@@ -152,7 +152,7 @@ def _tag(model: type) -> str:
     return f"!{model.__name__}"
 
 
-def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: Any) -> Any:
+def field(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: Any) -> Any:
     """Declare a field of a model. A field without default is required.
 
     Args:

@@ -10,14 +10,14 @@ from sdt_drake.io.fields import (
     EachJoint,
     EachJointOrNone,
     Input,
+    NonEmpty,
     NotNegative,
     Number,
     Positive,
     Problems,
-    Some,
     Text,
     Values,
-    setting,
+    field,
 )
 from sdt_drake.io.resources import shipped
 from sdt_drake.io.yaml_files import load_yaml
@@ -45,7 +45,7 @@ class Track(Input):
     """Name of the joint; alternative to resultant."""
     resultant: Resultant | None = None
     """Joints that make a commanded G; alternative to joint."""
-    segments: Some[AnySegment]
+    segments: NonEmpty[AnySegment]
     """Segments in order of time."""
 
     def problems(self) -> Problems:
@@ -86,12 +86,12 @@ class IntendedIllusion(Input):
     quantity: FeltQuantity
     """Quantity that should be felt wrongly: an angle from the true vertical, or a rate about an
     axis of the head (x forward, y left, z up)."""
-    sign: Annotated[int, Field(ge=-1, le=1)] = setting(unit="-")
+    sign: Annotated[int, Field(ge=-1, le=1)] = field(unit="-")
     """Sign of the error, felt minus true: 1, -1, or 0 for either. Roll to the right, pitch nose up
     and rates about x, y and z are positive."""
-    start: NotNegative = setting(unit="s")
+    start: NotNegative = field(unit="s")
     """Start of the interval in which the illusion is expected."""
-    end: Positive = setting(unit="s")
+    end: Positive = field(unit="s")
     """End of this interval."""
     from_start: bool = False
     """True to evaluate the change of the error since start, not the error itself."""
@@ -118,15 +118,15 @@ class MotionProfile(Input):
     """Illusion that the motion should give; `sdt-drake pilot` checks if the model predicts it."""
     notes: str = ""
     """Assumptions, limits of the device, sources."""
-    duration: Positive = setting(unit="s")
+    duration: Positive = field(unit="s")
     """Duration of the motion."""
-    start_deg: EachJoint[Number] | None = setting(None, unit="deg", side="joint")
+    start_deg: EachJoint[Number] | None = field(None, unit="deg", side="joint")
     """Joint angles at the start, base to tip; 0 by default."""
-    q0: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
+    q0: EachJoint[Number] | None = field(None, unit="rad", side="joint")
     """Joint angles at the start in rad; alternative to start_deg."""
-    tracks: Values[Track] = setting(())
+    tracks: Values[Track] = field(())
     """Tracks of the joints that move; other joints stay at their start angles."""
-    joints: EachJointOrNone[JointSegment] = setting(())
+    joints: EachJointOrNone[JointSegment] = field(())
     """One segment for each joint, base to tip; alternative to tracks."""
 
     def problems(self) -> Problems:

@@ -15,14 +15,14 @@ from pydantic import Tag
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import (
+    NonEmpty,
     NotNegative,
     Number,
     Positive,
     Problems,
-    Some,
     Values,
     Variant,
-    setting,
+    field,
     tag_or,
 )
 from sdt_drake.motion.spin import SpinGeometry
@@ -45,7 +45,7 @@ _DIGITS = 1e-6  # relative round-off of numbers in a file
 class Segment(Variant, ABC):
     """The speed of a joint, or a commanded G, over an interval."""
 
-    at: NotNegative | None = setting(
+    at: NotNegative | None = field(
         None, unit="s", description="Start; the end of the segment before by default."
     )
 
@@ -75,7 +75,7 @@ class Segment(Variant, ABC):
 class Hold(Segment):
     """A constant speed."""
 
-    duration: Positive = setting(unit="s")
+    duration: Positive = field(unit="s")
     """Duration of the segment."""
 
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
@@ -87,15 +87,15 @@ class Hold(Segment):
 class Ramp(Segment):
     """A change from the present speed to another one."""
 
-    to_deg_s: Number | None = setting(None, unit="deg/s", side="joint")
+    to_deg_s: Number | None = field(None, unit="deg/s", side="joint")
     """Joint speed at the end, in a track of a joint."""
-    to_g: Number | None = setting(None, ge=1, unit="G")
+    to_g: Number | None = field(None, ge=1, unit="G")
     """Resultant of gravity and centripetal acceleration at the end, in a track of the
     resultant. The blend is that of the spin joint's speed, not of G: d omega / d G is infinite at
     1 G."""
-    duration: Positive | None = setting(None, unit="s")
+    duration: Positive | None = field(None, unit="s")
     """Duration of the change; alternative to acceleration_deg_s2."""
-    acceleration_deg_s2: Positive | None = setting(None, unit="deg/s²", side="joint")
+    acceleration_deg_s2: Positive | None = field(None, unit="deg/s²", side="joint")
     """Largest acceleration; alternative to duration."""
     blend: Blend = "cosine"
     """Shape of the speed: "cosine", or "linear" with jumps of the acceleration."""
@@ -125,13 +125,13 @@ class Ramp(Segment):
 class Turn(Segment):
     """A turn of the joint from rest to rest."""
 
-    by_deg: Number | None = setting(None, unit="deg", side="joint")
+    by_deg: Number | None = field(None, unit="deg", side="joint")
     """Change of the angle; alternative to to_deg."""
-    to_deg: Number | None = setting(None, unit="deg", side="joint")
+    to_deg: Number | None = field(None, unit="deg", side="joint")
     """Angle at the end, without alignment; alternative to by_deg."""
-    duration: Positive | None = setting(None, unit="s")
+    duration: Positive | None = field(None, unit="s")
     """Duration of the turn; alternative to speed_deg_s."""
-    speed_deg_s: Positive | None = setting(None, unit="deg/s", side="joint")
+    speed_deg_s: Positive | None = field(None, unit="deg/s", side="joint")
     """Largest speed; alternative to duration."""
     blend: Blend = "cosine"
     """Shape of the speed: "cosine" is (1 - cos) / 2, whose mean is half the largest speed; "linear"
@@ -181,7 +181,7 @@ class PiecewiseLinearSpeed(Segment):
 class Knots(PiecewiseLinearSpeed):
     """A piecewise-linear speed."""
 
-    knots: Some[Values[Number]] = setting(unit="s, rad/s", side="joint")
+    knots: NonEmpty[Values[Number]] = field(unit="s, rad/s", side="joint")
     """Pairs of time since the start of the segment, from 0, and speed."""
 
     def problems(self) -> Problems:
@@ -205,9 +205,9 @@ class Knots(PiecewiseLinearSpeed):
 class Sampled(PiecewiseLinearSpeed):
     """A speed sampled at equal periods, linear between the samples."""
 
-    period: Positive = setting(unit="s")
+    period: Positive = field(unit="s")
     """Sample period."""
-    speeds: Some[Number] = setting(unit="rad/s", side="joint")
+    speeds: NonEmpty[Number] = field(unit="rad/s", side="joint")
     """Joint speeds at 0, period, 2 period, ... since the start of the segment."""
 
     def problems(self) -> Problems:
@@ -251,13 +251,13 @@ class Oscillation(SmoothSpeed):
     with t since the start of the segment.
     """
 
-    amplitude: Number = setting(unit="rad", side="joint")
+    amplitude: Number = field(unit="rad", side="joint")
     """A, amplitude of the angle."""
-    period: Positive = setting(unit="s")
+    period: Positive = field(unit="s")
     """T, period of the swing."""
-    fade: Positive = setting(unit="s")
+    fade: Positive = field(unit="s")
     """Duration of fading in, and of fading out."""
-    end: Positive = setting(unit="s")
+    end: Positive = field(unit="s")
     """End of the swing at rest, since the start of the segment."""
 
     def problems(self) -> Problems:
@@ -293,13 +293,13 @@ class Fourier(SmoothSpeed):
     with t since the start of the segment.
     """
 
-    period: Positive = setting(unit="s")
+    period: Positive = field(unit="s")
     """T, period of the first harmonic."""
-    sine: Some[Number] = setting(unit="rad", side="joint")
+    sine: NonEmpty[Number] = field(unit="rad", side="joint")
     """Sine amplitudes of the angle. The sum of l sine_l is 0: the motion starts at rest."""
-    cosine: Some[Number] = setting(unit="rad", side="joint")
+    cosine: NonEmpty[Number] = field(unit="rad", side="joint")
     """Cosine amplitudes of the angle, as many as sine."""
-    end: Positive = setting(unit="s")
+    end: Positive = field(unit="s")
     """End of the motion at rest, since the start of the segment: a multiple of the period."""
 
     def problems(self) -> Problems:

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import (
     Multiplexer,
 )
 
-from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, Values, setting
+from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, Values, field
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.pilot.canals import ADAPTATION, CUPULA, canals
 from sdt_drake.pilot.head import GRAVITY
@@ -39,19 +39,19 @@ class PerceptionModel(Input):
 
     source: Text
     """Publication of the numbers, and their origin."""
-    k_w: Values[Positive] = setting(min_length=3, max_length=3, unit="-")
+    k_w: Values[Positive] = field(min_length=3, max_length=3, unit="-")
     """Gain from the error of the canals (measured minus expected) to the felt rate."""
-    k_fw: Values[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
+    k_fw: Values[NotNegative] = field(min_length=3, max_length=3, unit="1/s")
     """Gain from the tilt error to the felt rate."""
-    k_fg: Values[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
+    k_fg: Values[NotNegative] = field(min_length=3, max_length=3, unit="1/s")
     """Gain from the tilt error to the felt gravity."""
-    k_a: Values[Annotated[Number, Field(le=0)]] = setting(min_length=3, max_length=3, unit="-")
+    k_a: Values[Annotated[Number, Field(le=0)]] = field(min_length=3, max_length=3, unit="-")
     """Gain from the error of the otoliths (measured minus expected) to the felt acceleration."""
-    tau: Values[Positive] = setting((CUPULA,) * 3, min_length=3, max_length=3, unit="s")
+    tau: Values[Positive] = field((CUPULA,) * 3, min_length=3, max_length=3, unit="s")
     """Time constant of the cupula's return to rest."""
-    tau_a: Values[Positive] = setting((ADAPTATION,) * 3, min_length=3, max_length=3, unit="s")
+    tau_a: Values[Positive] = field((ADAPTATION,) * 3, min_length=3, max_length=3, unit="s")
     """Time constant of the adaptation of the canals' nerve."""
-    cutoff: Number = setting(2.0, gt=0, le=100, unit="Hz")
+    cutoff: Number = field(2.0, gt=0, le=100, unit="Hz")
     """Cut-off frequency of all senses, and of the brain's expectation of them."""
 
 

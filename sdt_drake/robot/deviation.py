@@ -14,12 +14,12 @@ from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
     FileOf,
     Input,
+    NonEmpty,
     Number,
     Positive,
     Problems,
-    Some,
     Values,
-    setting,
+    field,
 )
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.resources import find_file
@@ -51,20 +51,20 @@ class Deviation(Input):
     payload: str = _PAYLOAD
     """Name of the link that payload_mass and payload_offset change. A given name must exist in the
     file."""
-    payload_mass: Number = setting(0.0, unit="kg")
+    payload_mass: Number = field(0.0, unit="kg")
     """Mass added to the link. Its inertia scales with its mass."""
-    payload_offset: Values[Number] = setting((0.0, 0.0, 0.0), min_length=3, max_length=3, unit="m")
+    payload_offset: Values[Number] = field((0.0, 0.0, 0.0), min_length=3, max_length=3, unit="m")
     """Shift of the link's centre of mass, in the frame of the link."""
-    inertia_scale: Positive = setting(1.0, unit="-")
+    inertia_scale: Positive = field(1.0, unit="-")
     """Factor on masses and inertias of all links, applied after the payload's change. The links'
     mass matrix, velocity torques and gravity torques scale with it, the rotors' inertia does
     not."""
-    link_scales: Some[Positive] | None = setting(None, unit="-")
+    link_scales: NonEmpty[Positive] | None = field(None, unit="-")
     """Further factor on mass and inertia of each link, in the order of the file."""
     spread: Annotated[str, FileOf("directions")] = ""
     """File of the directions in which the links are uncertain, written by `identify`. None by
     default."""
-    along: Some[Annotated[Number, Field(ge=-10, le=10)]] | None = setting(None, unit="-")
+    along: NonEmpty[Annotated[Number, Field(ge=-10, le=10)]] | None = field(None, unit="-")
     """Change along each of these directions, in standard deviations, applied first."""
 
     def problems(self) -> Problems:

@@ -18,7 +18,7 @@ from sdt_drake.io.fields import (
     Number,
     Positive,
     Problems,
-    setting,
+    field,
 )
 from sdt_drake.robot.envelope import Envelope
 
@@ -35,25 +35,25 @@ class Drive(Input):
     Everything is ideal by default. Lists have one value for each joint.
     """
 
-    period: Number | None = setting(None, ge=MIN_PERIOD, unit="s")
+    period: Number | None = field(None, ge=MIN_PERIOD, unit="s")
     """Drive period: sample period of the speed loop, from 125 µs to the interpolation period, which
     it must divide. Continuous by default."""
-    torque_bandwidth: Positive | None = setting(None, unit="Hz")
+    torque_bandwidth: Positive | None = field(None, unit="Hz")
     """-3 dB frequency of the torque loop, a first-order lag. Unlimited by default."""
-    torque_error: EachJoint[Annotated[Number, Field(gt=-1, lt=1)]] | None = setting(None, unit="-")
+    torque_error: EachJoint[Annotated[Number, Field(gt=-1, lt=1)]] | None = field(None, unit="-")
     """Relative error of the motors' torque: they give (1 + torque_error) times their command."""
-    encoder_resolution: EachJoint[Annotated[Number, Field(ge=1)]] | None = setting(
+    encoder_resolution: EachJoint[Annotated[Number, Field(ge=1)]] | None = field(
         None, unit="1/rev", side="motor"
     )
     """Increments of each encoder per revolution **of the motor**. The speed is then the difference
     of positions over `period`."""
-    n1: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
+    n1: EachJoint[Positive] | None = field(None, unit="rad/s", side="motor")
     """Motor speed up to which the full torque is available. Default: that of the device's motors in
     the catalogue."""
-    n0: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
+    n0: EachJoint[Positive] | None = field(None, unit="rad/s", side="motor")
     """Motor speed at which no driving torque is left. Default: that of the device's motors in the
     catalogue."""
-    reference_delay: NotNegative = setting(0.0, unit="s")
+    reference_delay: NotNegative = field(0.0, unit="s")
     """Delay of the planned motion and of the feedforward computed from it. Drives with a `period`
     take both at their next sample. Position loops sample positions when they take them."""
 
@@ -89,11 +89,11 @@ ENCODERS: tuple[Encoder, ...] = get_args(Encoder)
 class Elasticity(Input):
     """Elastic joints, given by their natural frequencies."""
 
-    natural_frequency: EachJointOrNone[NotNegative] = setting((), unit="rad/s")
+    natural_frequency: EachJointOrNone[NotNegative] = field((), unit="rad/s")
     """Natural frequency of each link against its motor at a standstill, with the other joints held.
     It applies where the motion has its largest inertia, without deviations. 0: a rigid joint. All
     joints are rigid by default."""
-    damping_ratio: NotNegative = setting(0.01, unit="-")
+    damping_ratio: NotNegative = field(0.01, unit="-")
     """Damping ratio of this oscillation."""
     encoder: Encoder = "motor"
     """Side of the joint where the controller measures."""
@@ -165,18 +165,18 @@ PRESLIDING_DAMPING_TIME = 0.005
 class Friction(Input):
     """Friction of the joints, **joint side**, none by default. Lists have one value per joint."""
 
-    coulomb: EachJoint[NotNegative] | None = setting(None, unit="N m", side="joint")
+    coulomb: EachJoint[NotNegative] | None = field(None, unit="N m", side="joint")
     """F_c, Coulomb friction: constant friction of a sliding joint, and the load that a joint holds
     at rest. 0 by default."""
-    viscous: EachJoint[NotNegative] | None = setting(None, unit="N m s/rad", side="joint")
+    viscous: EachJoint[NotNegative] | None = field(None, unit="N m s/rad", side="joint")
     """b, viscous friction in addition to the SDF's damping. 0 by default."""
-    breakaway: EachJoint[NotNegative] | None = setting(None, unit="N m", side="joint")
+    breakaway: EachJoint[NotNegative] | None = field(None, unit="N m", side="joint")
     """F_b, largest friction at low speed (Stribeck), at least `coulomb`. Default: `coulomb`."""
-    stribeck_speed: Positive = setting(0.02, unit="rad/s", side="joint")
+    stribeck_speed: Positive = field(0.02, unit="rad/s", side="joint")
     """v_s, speed of the largest friction."""
-    presliding: Positive = setting(1e-05, unit="rad", side="joint")
+    presliding: Positive = field(1e-05, unit="rad", side="joint")
     """z_c, deflection of a joint before it slides."""
-    offset: EachJoint[Number] | None = setting(None, unit="N m", side="joint")
+    offset: EachJoint[Number] | None = field(None, unit="N m", side="joint")
     """F_0, constant torque at any speed and at rest, such as that of a counterbalance. 0 by
     default."""
 

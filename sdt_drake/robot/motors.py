@@ -15,12 +15,12 @@ from sdt_drake.io.fields import (
     EachJointOrNone,
     FileOf,
     Input,
+    NonEmpty,
     NotNegative,
     Positive,
     Problems,
-    Some,
     Text,
-    setting,
+    field,
 )
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.device import Drive
@@ -42,22 +42,22 @@ class Motor(Input):
     """Short name."""
     kind: Literal["torque motor", "geared motor"]
     """Direct drive, or motor with gearbox."""
-    peak_torque: Positive = setting(unit="N m", side="motor")
+    peak_torque: Positive = field(unit="N m", side="motor")
     """Largest torque."""
-    rated_torque: Positive = setting(unit="N m", side="motor")
+    rated_torque: Positive = field(unit="N m", side="motor")
     """Continuous torque (S1) at a standstill or low speed."""
-    rotor_inertia: Positive = setting(unit="kg m²", side="motor")
+    rotor_inertia: Positive = field(unit="kg m²", side="motor")
     """Inertia of motor and gearbox."""
-    n1_rpm: Positive | None = setting(None, unit="rpm", side="motor")
+    n1_rpm: Positive | None = field(None, unit="rpm", side="motor")
     """Largest speed with peak torque. Unlimited by default."""
-    n0_rpm: Positive | None = setting(None, unit="rpm", side="motor")
+    n0_rpm: Positive | None = field(None, unit="rpm", side="motor")
     """Speed without driving torque; the torque falls linearly from n1_rpm to n0_rpm. Unlimited by
     default."""
-    mass: Positive = setting(unit="kg")
+    mass: Positive = field(unit="kg")
     """Mass of motor and gearbox."""
-    gear_ratio: Positive = setting(1.0, unit="-")
+    gear_ratio: Positive = field(1.0, unit="-")
     """Motor speed over joint speed, unless the device chooses another ratio."""
-    thermal_time_constant: Positive = setting(unit="s")
+    thermal_time_constant: Positive = field(unit="s")
     """Thermal time constant of the winding (first order)."""
     source: Text
     """Origin of the numbers."""
@@ -98,7 +98,7 @@ class Catalogue(Input):
 
     notes: str = ""
     """Notes for readers."""
-    motors: Some[Motor]
+    motors: NonEmpty[Motor]
     """The motors, in any order."""
 
     @property
@@ -150,20 +150,20 @@ class DeviceChoice(Input):
     `drive` of the scenario has n1 and n0. Springs of `plant.elasticity` keep their frequencies.
     """
 
-    motors: EachJointOrNone[str] = setting(())
+    motors: EachJointOrNone[str] = field(())
     """Ids of motors in the catalogue; "" keeps the motor of the robot file. All are kept by
     default."""
-    gear_ratio: EachJoint[Positive] | None = setting(None, unit="-")
+    gear_ratio: EachJoint[Positive] | None = field(None, unit="-")
     """Motor speed over joint speed. Default: that of the chosen motor, or of the robot file if the
     motor is kept."""
-    structure_scale: Positive = setting(1.0, unit="-")
+    structure_scale: Positive = field(1.0, unit="-")
     """s, factor on masses and inertias of all links except the payload: the thickness of their
     walls."""
     payload: str = "payload"
     """Name of the link that does not belong to the structure; "" if all links do."""
-    stiffness_exponent: NotNegative = setting(1.0, unit="-")
+    stiffness_exponent: NotNegative = field(1.0, unit="-")
     """p: the stiffness of the structure changes by s^p. 1: walls of the same outline (assumed)."""
-    fitted: EachJointOrNone[str] = setting(())
+    fitted: EachJointOrNone[str] = field(())
     """Ids of the motors whose mass the robot file already includes; "" for none."""
     catalogue: Annotated[Text, FileOf("motors")] = DEFAULT_CATALOGUE
     """File of the motors, relative to the scenario's folder, or the name of a shipped file."""

@@ -16,7 +16,7 @@ from sdt_drake.io.fields import (
     Positive,
     Problems,
     Text,
-    setting,
+    field,
 )
 from sdt_drake.io.trust import trusted_code
 from sdt_drake.robot.deviation import Deviation
@@ -36,21 +36,21 @@ class ControllerOptions(Input):
     file: Annotated[str, FileOf("controllers")] = ""
     """Python file that registers your own controllers, relative to the scenario's folder. It is run
     once it is trusted. None by default."""
-    omega_r: Positive | None = setting(None, unit="rad/s")
+    omega_r: Positive | None = field(None, unit="rad/s")
     """Lowest natural frequency of the robot's structure, for the SDF without changes. A chosen
     device scales it. The gains are tuned to it."""
-    omega_ratio: Positive = setting(0.5, unit="-")
+    omega_ratio: Positive = field(0.5, unit="-")
     """Ratio omega_n / omega_r at the largest inertia."""
-    zeta: EachJoint[Positive] | None = setting(None, unit="-")
+    zeta: EachJoint[Positive] | None = field(None, unit="-")
     """Damping ratio at the largest inertia; 1 by default."""
-    kp: EachJoint[Positive] | None = setting(None, unit="N m s/rad", side="motor")
+    kp: EachJoint[Positive] | None = field(None, unit="N m s/rad", side="motor")
     """Proportional gain K_PS. kp and ki replace omega_r, omega_ratio and zeta."""
-    ki: EachJoint[Positive] | None = setting(None, unit="N m/rad", side="motor")
+    ki: EachJoint[Positive] | None = field(None, unit="N m/rad", side="motor")
     """Integral gain K_IS."""
     friction_compensation: bool = False
     """Friction compensation: whether the feedforward includes the plant's friction at the speed of
     the reference."""
-    model: Deviation = setting(Deviation)
+    model: Deviation = field(Deviation)
     """Errors of the controller's model of the robot; none by default."""
 
     needs: ClassVar[tuple[str, ...]] = ()
@@ -111,7 +111,7 @@ class AntiWindup(ControllerOptions):
 class FeedforwardGain(ControllerOptions):
     """Options of controllers to whose command the loop adds a torque feedforward."""
 
-    feedforward_gain: EachJoint[Number] | None = setting(None, unit="-")
+    feedforward_gain: EachJoint[Number] | None = field(None, unit="-")
     """Factor on the torque feedforward; 1 by default."""
 
 

@@ -16,7 +16,7 @@ from sdt_drake.io.fields import (
     Positive,
     Problems,
     Text,
-    setting,
+    field,
 )
 from sdt_drake.io.names import given
 from sdt_drake.io.shown import Shown, Summary
@@ -41,14 +41,14 @@ class PlantChoice(Input):
     kind: PlantKind = "axis"
     """"axis": each motor turns a constant inertia against the load torque of the reference, as in
     the paper's models. "coupled": the MultibodyPlant."""
-    i_eff: EachJoint[Positive] | None = setting(None, unit="kg m²", side="motor")
+    i_eff: EachJoint[Positive] | None = field(None, unit="kg m²", side="motor")
     """Inertia that each motor turns on the plant "axis"; by default the largest along the motion.
     The coupled plant takes its inertia from the SDF."""
-    friction: Friction = setting(Friction)
+    friction: Friction = field(Friction)
     """Friction in the joints; none by default."""
-    elasticity: Elasticity = setting(Elasticity)
+    elasticity: Elasticity = field(Elasticity)
     """Elasticity of the joints; rigid by default."""
-    deviation: Deviation = setting(Deviation)
+    deviation: Deviation = field(Deviation)
     """Deviations of the simulated robot from the SDF. Planner and controller do not use them. None
     by default."""
 
@@ -61,9 +61,9 @@ class PlantChoice(Input):
 class DisturbanceChoice(Input):
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t))."""
 
-    amplitude: Number = setting(0.0, ge=0, le=10, unit="-")
+    amplitude: Number = field(0.0, ge=0, le=10, unit="-")
     """Amplitude A as a share of the load torque."""
-    omega_d: NotNegative = setting(6.283185307179586, unit="rad/s")
+    omega_d: NotNegative = field(6.283185307179586, unit="rad/s")
     """Angular frequency of the error, the same on every axis."""
 
 
@@ -75,7 +75,7 @@ class Scenario(Input, Shown):
     """Short name; the name of the file by default."""
     robot: Annotated[Text, FileOf("robot")] = DEFAULT_ROBOT
     """SDF or URDF file, relative to the scenario's folder, or the name of a shipped robot."""
-    device: DeviceChoice = setting(DeviceChoice)
+    device: DeviceChoice = field(DeviceChoice)
     """Motors, gears and structure that replace those of the SDF."""
     motion: Annotated[Text, FileOf("motion")] = "package://sdt/motions/reference.yaml"
     """Motion profile (.yaml), which is planned, or planned motion (.csv), relative to the
@@ -84,14 +84,14 @@ class Scenario(Input, Shown):
     """CSV file of a learned reference for that motion, written by `sdt-drake learn`. The controller
     tracks it in place of the motion. Errors are still measured against the motion. None by
     default."""
-    period: Positive = setting(0.005, unit="s")
+    period: Positive = field(0.005, unit="s")
     """Interpolation period, used by planner, hold and log."""
     held_speed: Literal["start", "mean"] = "start"
     """Speed of the reference within each period. "start" is the speed at its start, as in the
     paper; it lags by half a period while joints accelerate. "mean" is (q_ref of the next
     sample - q_ref) / period, as in set points of drives. Errors are measured against the motion in
     both cases."""
-    torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
+    torque_margin: Number = field(1.0, gt=0, le=1, unit="-")
     """Share of the motors' torque limit that the planner may use."""
     planner: Planner = "limiter"
     """"limiter": the paper's planner, which keeps the timing where the limits allow it. "retiming":
@@ -101,15 +101,15 @@ class Scenario(Input, Shown):
     sign(0) = 0."""
     inverse_dynamics: Literal["table", "online"] = "table"
     """"table": load torques are computed before the run. "online": a block computes them."""
-    accuracy: Number = setting(0.0001, ge=1e-12, le=0.01, unit="rad/s")
+    accuracy: Number = field(0.0001, ge=1e-12, le=0.01, unit="rad/s")
     """Accuracy of simulated speeds. Positions are accurate to a tenth of its value in rad."""
-    plant: PlantChoice = setting(PlantChoice)
+    plant: PlantChoice = field(PlantChoice)
     """The simulated plant."""
-    drive: Drive = setting(Drive)
+    drive: Drive = field(Drive)
     """Drives of the motors; ideal by default."""
-    controller: Annotated[ControllerOptions, OfKind()] = setting(plain_pi)
+    controller: Annotated[ControllerOptions, OfKind()] = field(plain_pi)
     """The controller of the plant."""
-    disturbance: DisturbanceChoice = setting(DisturbanceChoice)
+    disturbance: DisturbanceChoice = field(DisturbanceChoice)
     """Load torque that is missing in the model; none by default."""
 
     def problems(self) -> Problems:

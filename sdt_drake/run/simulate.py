@@ -19,7 +19,7 @@ from sdt_drake.io.arguments import a_path, finite_number, instance_of, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import setting
+from sdt_drake.io.fields import field
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
@@ -87,38 +87,38 @@ class Recording(Shown):
 
     __pydantic_config__ = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True)
 
-    time: Column = setting(unit="s")
+    time: Column = field(unit="s")
     """Time since the start."""
-    q_ref: Column = setting(unit="rad", side="joint")
+    q_ref: Column = field(unit="rad", side="joint")
     """Position of the planned motion, also if the controller tracks a learned reference."""
-    v_ref: Column = setting(unit="rad/s", side="joint")
+    v_ref: Column = field(unit="rad/s", side="joint")
     """Speed of the planned motion, also if the controller tracks a learned reference."""
-    q: Column = setting(unit="rad", side="joint")
+    q: Column = field(unit="rad", side="joint")
     """Position of the links."""
-    v: Column = setting(unit="rad/s", side="joint")
+    v: Column = field(unit="rad/s", side="joint")
     """Speed of the links."""
-    tau_cmd: Column = setting(unit="N m", side="motor")
+    tau_cmd: Column = field(unit="N m", side="motor")
     """Torque that the controller commands."""
-    tau_limited: Column = setting(unit="N m", side="motor")
+    tau_limited: Column = field(unit="N m", side="motor")
     """Commanded torque after saturation."""
-    tau: Column = setting(unit="N m", side="motor")
+    tau: Column = field(unit="N m", side="motor")
     """Torque of the motors; equal to `tau_limited` with an ideal drive."""
-    load_torque: Column = setting(unit="N m", side="motor")
+    load_torque: Column = field(unit="N m", side="motor")
     """Load torque tau_LD of Algorithm 1."""
-    tau_peak: Column = setting(unit="N m", side="motor")
+    tau_peak: Column = field(unit="N m", side="motor")
     """Largest absolute torque of the motors in the period that ends at `time`."""
-    tau_rms: Column = setting(unit="N m", side="motor")
+    tau_rms: Column = field(unit="N m", side="motor")
     """RMS torque of the motors in that period."""
-    tau_mean: Column = setting(unit="N m", side="motor")
+    tau_mean: Column = field(unit="N m", side="motor")
     """Mean torque of the motors in that period; its time integral is their impulse."""
-    saturated: Column = setting(unit="-", side="motor")
+    saturated: Column = field(unit="-", side="motor")
     """Share of that period in which a limit of the motor cuts the command."""
-    beyond_stop: Column = setting(unit="rad", side="joint")
+    beyond_stop: Column = field(unit="rad", side="joint")
     """Angle by which a joint of the coupled plant exceeds its stops; 0 within them and on the axis
     plant. Stops do not act in the simulation."""
-    q_measured: Column | None = setting(None, unit="rad", side="joint")
+    q_measured: Column | None = field(None, unit="rad", side="joint")
     """Position that the encoders measure, on motors or links of elastic joints; not in files."""
-    v_measured: Column | None = setting(None, unit="rad/s", side="joint")
+    v_measured: Column | None = field(None, unit="rad/s", side="joint")
     """Speed that the encoders measure; not in files."""
 
     @property

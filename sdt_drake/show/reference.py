@@ -106,10 +106,11 @@ def _recording() -> Chapter:
     meaning = {entry.name: (entry.unit, entry.meaning) for entry in columns.entries}
     meaning["speed_error"] = ("rad/s, joint side", "v - v_ref.")
     text = (
-        "`simulate` writes a recording to run.csv, and `pilot` and `view` read it. It has a row "
-        "for each interpolation period. Column `name_k` belongs to joint k, base to tip; .parquet "
-        "files have the same columns, and .mat files a matrix `name` with a column per joint. "
-        "Signed errors are achieved less planned, here and everywhere in the package."
+        "`sdt-drake simulate SCENARIO --out run.csv` writes a recording; `pilot` and `view` read "
+        "it. It has a row for each interpolation period. Column `name_k` belongs to joint k, base "
+        "to tip; .parquet files have the same columns, and .mat files a matrix `name` with a "
+        "column per joint. Signed errors are achieved less planned, here and everywhere in the "
+        "package."
     )
     rows = [
         ("time", *meaning["time"]),

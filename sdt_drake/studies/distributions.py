@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Tag
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import Number, Positive, Problems, Some, Variant, setting, tag_or
+from sdt_drake.io.fields import NonEmpty, Number, Positive, Problems, Variant, field, tag_or
 from sdt_drake.studies.fields import Value
 
 MAX_RUNS = 10_000_000
@@ -26,9 +26,9 @@ _FIELD_UNIT = "of the field"
 class Uniform(Variant):
     """A uniform distribution between low and high."""
 
-    low: Number = setting(unit=_FIELD_UNIT)
+    low: Number = field(unit=_FIELD_UNIT)
     """Smallest value."""
-    high: Number = setting(unit=_FIELD_UNIT)
+    high: Number = field(unit=_FIELD_UNIT)
     """Largest value."""
 
     def problems(self) -> Problems:
@@ -44,9 +44,9 @@ class Uniform(Variant):
 class LogUniform(Variant):
     """A distribution whose logarithm is uniform between those of low and high."""
 
-    low: Positive = setting(unit=_FIELD_UNIT)
+    low: Positive = field(unit=_FIELD_UNIT)
     """Smallest value."""
-    high: Positive = setting(unit=_FIELD_UNIT)
+    high: Positive = field(unit=_FIELD_UNIT)
     """Largest value."""
 
     def problems(self) -> Problems:
@@ -62,13 +62,13 @@ class LogUniform(Variant):
 class Normal(Variant):
     """A normal distribution, truncated at low and high if they are given."""
 
-    mean: Number = setting(unit=_FIELD_UNIT)
+    mean: Number = field(unit=_FIELD_UNIT)
     """Mean before truncation."""
-    std: Positive = setting(unit=_FIELD_UNIT)
+    std: Positive = field(unit=_FIELD_UNIT)
     """Standard deviation before truncation."""
-    low: Number | None = setting(None, unit=_FIELD_UNIT)
+    low: Number | None = field(None, unit=_FIELD_UNIT)
     """Smallest value; unlimited by default."""
-    high: Number | None = setting(None, unit=_FIELD_UNIT)
+    high: Number | None = field(None, unit=_FIELD_UNIT)
     """Largest value; unlimited by default."""
 
     def problems(self) -> Problems:
@@ -98,11 +98,11 @@ class Normal(Variant):
 class Grid(Variant):
     """Equally spaced values, all of which are run."""
 
-    start: Number = setting(unit=_FIELD_UNIT)
+    start: Number = field(unit=_FIELD_UNIT)
     """First value."""
-    stop: Number = setting(unit=_FIELD_UNIT)
+    stop: Number = field(unit=_FIELD_UNIT)
     """Last value."""
-    count: int = setting(2, ge=2, le=MAX_RUNS, unit="-")
+    count: int = field(2, ge=2, le=MAX_RUNS, unit="-")
     """Number of values, including the first and the last."""
 
     def problems(self) -> Problems:
@@ -138,7 +138,7 @@ class _Listed(Variant):
 class List(_Listed):
     """A list of numbers, all of which are run."""
 
-    values: Some[Number] = setting(unit=_FIELD_UNIT)
+    values: NonEmpty[Number] = field(unit=_FIELD_UNIT)
     """Numbers, each listed once."""
 
 
@@ -146,7 +146,7 @@ class List(_Listed):
 class Choice(_Listed):
     """A list of texts, all of which are run."""
 
-    values: Some[str]
+    values: NonEmpty[str]
     """Texts, each listed once: kinds, controller labels, names of motions or motors, true or
     false."""
 

@@ -15,14 +15,14 @@ from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
     FileOf,
     Input,
+    NonEmpty,
     NotNegative,
     Number,
     Positive,
     Problems,
-    Some,
     Text,
     check_joints,
-    setting,
+    field,
 )
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
@@ -41,19 +41,19 @@ class Requirements(Input):
     A list has one value for all joints, or one for each joint.
     """
 
-    max_abs_speed_error: Some[Positive] = setting(unit="rad/s", side="joint")
+    max_abs_speed_error: NonEmpty[Positive] = field(unit="rad/s", side="joint")
     """Largest speed error."""
-    max_abs_position_error_deg: Some[Positive] | None = setting(None, unit="deg", side="joint")
+    max_abs_position_error_deg: NonEmpty[Positive] | None = field(None, unit="deg", side="joint")
     """Largest position error; unlimited by default."""
-    used_torque_share: Positive = setting(1.0, unit="-")
+    used_torque_share: Positive = field(1.0, unit="-")
     """Largest torque over the motor's peak torque."""
-    torque_at_speed_share: Positive = setting(1.0, unit="-")
+    torque_at_speed_share: Positive = field(1.0, unit="-")
     """Largest torque of the planned motion over the torque that the motor has at that speed."""
-    winding_temperature: Positive = setting(1.0, unit="-")
+    winding_temperature: Positive = field(1.0, unit="-")
     """Largest temperature rise of the winding over the rise at constant rated torque."""
-    saturated_fraction: NotNegative = setting(0.0, unit="-")
+    saturated_fraction: NotNegative = field(0.0, unit="-")
     """Largest share of time in which a motor is at its torque limit."""
-    stretch: NotNegative = setting(0.0, unit="-")
+    stretch: NotNegative = field(0.0, unit="-")
     """Largest extra duration of a planned motion over its commanded duration."""
 
     def limits(self, n: int) -> dict[str, float]:
@@ -84,29 +84,29 @@ class Sizing(Input):
     scenario: Annotated[Text, FileOf("scenario")]
     """Base scenario, with the coupled plant: a file relative to this file's folder, or the name
     of a shipped one."""
-    device: DeviceChoice = setting(DeviceChoice)
+    device: DeviceChoice = field(DeviceChoice)
     """Device settings of all candidates: `fitted`, `catalogue`, `gear_ratio`, `payload`,
     `stiffness_exponent`. Leave `motors` and `structure_scale` out."""
-    motors: Some[Some[str]]
+    motors: NonEmpty[NonEmpty[str]]
     """Motor ids for each joint, base to tip; every combination is a motor set."""
-    structure_scales: Some[Positive] = setting((1.0,), unit="-")
+    structure_scales: NonEmpty[Positive] = field((1.0,), unit="-")
     """Structure scales; every motor set is tried with each of them."""
-    motions: Some[Annotated[str, FileOf("motion")]]
+    motions: NonEmpty[Annotated[str, FileOf("motion")]]
     """Motions that every candidate must do: files, or names of shipped ones."""
-    controllers: Some[str]
+    controllers: NonEmpty[str]
     """Controller labels: "pi", "p_pi+id"; each gets its own recommendation."""
     planner: Planner = "limiter"
     """Planner of the motions. With "limiter" a motor set that is too weak for a motion is
     infeasible. With "retiming" the motion takes longer, which `stretch` limits."""
-    torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
+    torque_margin: Number = field(1.0, gt=0, le=1, unit="-")
     """Share of the motors' torque that the planner may use."""
-    pause: NotNegative = setting(0.0, unit="s")
+    pause: NotNegative = field(0.0, unit="s")
     """Rest between two runs of a motion, in which the windings cool."""
     requirements: Requirements
     """Requirements that every candidate must meet."""
-    accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")
+    accuracy: Number = field(0.001, ge=1e-12, le=0.01, unit="rad/s")
     """Accuracy of simulated speeds."""
-    timeout: Positive = setting(300.0, unit="s")
+    timeout: Positive = field(300.0, unit="s")
     """Longest computing time of a run; a longer run is stopped and counts as timed out."""
 
     def problems(self) -> Problems:

@@ -21,7 +21,7 @@ from sdt_drake.io.fields import (
     Positive,
     Problems,
     Values,
-    setting,
+    field,
 )
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.run.options import ControllerOptions
@@ -47,13 +47,13 @@ class Variable(Input):
 
     name: str = ""
     """Name of the column in the results; the first field by default."""
-    fields: Values[str] = setting(())
+    fields: Values[str] = field(())
     """Dotted names of scenario fields ("plant.friction.coulomb", or "controller.kp[2]" for one
     entry of a list); all get the same draw. "controller" accepts labels: "p_pi+id"."""
     apply: Literal["value", "factor", "offset"] = "value"
     """Use of the draw: the "value" of the field, a "factor" on its value in the base scenario,
     or an "offset" to it. In a list, every entry is changed."""
-    distribution: AnyDistribution = setting(None)
+    distribution: AnyDistribution = field(None)
     """Distribution of the draws; must be given."""
 
     def complete(self) -> None:
@@ -142,22 +142,22 @@ class Study(Input):
     scenario: Annotated[str, FileOf("scenario")] = ""
     """Base scenario: a file relative to the study's folder, or the name of a shipped one; must
     be given."""
-    draws: int = setting(1, ge=1, le=_MAX_INTEGER, unit="-")
+    draws: int = field(1, ge=1, le=_MAX_INTEGER, unit="-")
     """Number of draws of the random variables. Each draw is run with every combination of the
     other variables' levels, which can so be compared in pairs."""
-    seed: int = setting(0, ge=0, le=_MAX_INTEGER, unit="-")
+    seed: int = field(0, ge=0, le=_MAX_INTEGER, unit="-")
     """Seed of the draws. The draws of a variable do not depend on the other variables."""
     sampling: Literal["random", "latin_hypercube"] = "random"
     """Sampling of the draws: "random", or "latin_hypercube" with one draw in each of `draws`
     equally likely intervals of every variable."""
-    accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")
+    accuracy: Number = field(0.001, ge=1e-12, le=0.01, unit="rad/s")
     """Accuracy of simulated speeds, in place of the scenario's."""
-    timeout: Positive = setting(300.0, unit="s")
+    timeout: Positive = field(300.0, unit="s")
     """Longest computing time of a run; a longer run is stopped and counts as timed out."""
-    pause: NotNegative = setting(0.0, unit="s")
+    pause: NotNegative = field(0.0, unit="s")
     """Rest between two runs of a motion, in which the windings cool. It has an effect only with
     motors of a catalogue."""
-    variables: Values[Variable] = setting(())
+    variables: Values[Variable] = field(())
     """Variables of the study; at least one."""
 
     def problems(self) -> Problems:

@@ -13,7 +13,7 @@ from variants import overruled
 from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Positive, setting
+from sdt_drake.io.fields import Positive, field
 from sdt_drake.io.schema import json_schema
 from sdt_drake.run.controllers import (
     SHIPPED,
@@ -41,7 +41,7 @@ class MyOptions(ChosenFeedforward):
 
     plants = ("coupled",)
     needs = ("largest inertia of each joint",)
-    share: Positive = setting(1.0, unit="-")
+    share: Positive = field(1.0, unit="-")
     """Share of the tuned gains."""
 
 
@@ -116,7 +116,7 @@ def test_editors_know_the_options_of_each_kind():
     validator = pytest.importorskip("jsonschema").Draft7Validator
     schema = json_schema(Scenario, "scenario")
     for kind, options in SHIPPED.items():
-        for name in {field.name for other in SHIPPED.values() for field in fields(other)}:
+        for name in {own.name for other in SHIPPED.values() for own in fields(other)}:
             field = schema["$defs"]["ControllerOptions"]["properties"][name]
             value = field.get("default") if name not in ("kind", "model") else None
             if value is None:

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from sdt_drake.io.arguments import finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Number, Problems, Values, setting
+from sdt_drake.io.fields import Number, Problems, Values, field
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
@@ -40,9 +40,9 @@ class FlightColumns(Layout):
     The default is the package's own format. Columns are given by name, or by number from 1.
     """
 
-    force: Values[str] = setting(("f_x", "f_y", "f_z"), **_THREE)
+    force: Values[str] = field(("f_x", "f_y", "f_z"), **_THREE)
     """Columns of specific force along x, y, z, as accelerometers measure it."""
-    omega: Values[str] = setting(("omega_x", "omega_y", "omega_z"), **_THREE)
+    omega: Values[str] = field(("omega_x", "omega_y", "omega_z"), **_THREE)
     """Columns of angular rate about x, y, z."""
     force_unit: Literal["m/s2", "g", "ft/s2"] = "m/s2"
     """Unit of forces: "m/s2", "g" or "ft/s2"."""
@@ -50,12 +50,12 @@ class FlightColumns(Layout):
     """Unit of rates: "rad/s" or "deg/s"."""
     axes: Literal["flu", "frd"] = "flu"
     """Axes: "flu" (x forward, y left, z up) or "frd" (x forward, y right, z down)."""
-    force_direction: Values[_Direction] = setting((1.0,) * 3, unit="-", **_THREE)
+    force_direction: Values[_Direction] = field((1.0,) * 3, unit="-", **_THREE)
     """Direction of each force column: 1, or -1 for the opposite sign of `axes`, such as a load
     factor that is positive upwards with axes "frd"."""
-    omega_direction: Values[_Direction] = setting((1.0,) * 3, unit="-", **_THREE)
+    omega_direction: Values[_Direction] = field((1.0,) * 3, unit="-", **_THREE)
     """Direction of each rate column: 1, or -1 for the opposite sign of `axes`."""
-    lever: Values[Number] = setting((0.0,) * 3, unit="m", **_THREE)
+    lever: Values[Number] = field((0.0,) * 3, unit="m", **_THREE)
     """Position of the sensor relative to the pilot's head, x forward, y left, z up; 0 by
     default."""
 

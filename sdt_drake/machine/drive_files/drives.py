@@ -13,13 +13,13 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import (
     EachJoint,
     Input,
+    Integer,
+    NonEmpty,
     Number,
     Positive,
     Problems,
-    Some,
-    Whole,
     check_joints,
-    setting,
+    field,
 )
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.robot import Robot
@@ -51,22 +51,22 @@ SPEED_UNITS = {
 class Axis(Input):
     """The drive of a joint; **motor side**."""
 
-    increments: Whole = setting(ge=1, unit="increments", side="motor")
+    increments: Integer = field(ge=1, unit="increments", side="motor")
     """Encoder increments per turn of the motor."""
-    gear_ratio: Positive | None = setting(None, unit="-")
+    gear_ratio: Positive | None = field(None, unit="-")
     """Motor speed over joint speed; the robot's gear ratio by default."""
-    sign: Whole = setting(1, unit="-")
+    sign: Integer = field(1, unit="-")
     """Direction: 1, or -1 if the motor turns against its joint."""
-    zero: Whole = setting(0, unit="increments")
+    zero: Integer = field(0, unit="increments")
     """Encoder increments at joint angle 0."""
     speed_unit: Literal["increments/s", "rpm", "0.1 rpm", "0.01 rpm", "0.001 rpm"] = "increments/s"
     """Unit of target velocity and velocity offset."""
-    rated_torque: Positive = setting(unit="N m", side="motor")
+    rated_torque: Positive = field(unit="N m", side="motor")
     """Rated (or standstill) torque, to which torques in per mille refer (6076h)."""
-    maximum_torque: Positive | None = setting(None, unit="N m", side="motor")
+    maximum_torque: Positive | None = field(None, unit="N m", side="motor")
     """Maximum torque of the drive; by default the largest per mille value of 16 bits, if the
     drive reads torques."""
-    objects: Some[Literal["607Ah", "60FFh", "60B1h", "60B2h", "6071h"]] = setting(
+    objects: NonEmpty[Literal["607Ah", "60FFh", "60B1h", "60B2h", "6071h"]] = field(
         ("607Ah", "60B1h", "60B2h")
     )
     """CiA 402 objects that the drive reads in every cycle."""
@@ -87,7 +87,7 @@ class Drives(Input):
 
     notes: str = ""
     """Remarks; not used."""
-    cycle_time: Number = setting(gt=0, le=1, unit="s")
+    cycle_time: Number = field(gt=0, le=1, unit="s")
     """Drive period: time between two set points."""
     axes: EachJoint[Axis]
     """Drives of the joints, base to tip."""

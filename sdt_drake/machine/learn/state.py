@@ -20,12 +20,12 @@ from sdt_drake.io.fields import (
     EachJoint,
     EachJointOrNone,
     Input,
+    Integer,
     NotNegative,
     Number,
     Values,
-    Whole,
     check_joints,
-    setting,
+    field,
 )
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
@@ -47,17 +47,17 @@ SCENARIO = "scenario.yaml"
 class TrialRecord(Input):
     """The result of a real trial from its recordings: one file in the folder of the learning."""
 
-    reference: Whole = setting(1, ge=1)
+    reference: Integer = field(1, ge=1)
     """Number of the flown reference; 1 is the planned motion."""
-    recordings: Whole = setting(1, ge=1)
+    recordings: Integer = field(1, ge=1)
     """Number of recordings of the trial."""
-    largest: EachJoint[NotNegative] = setting(unit="rad", side="joint")
+    largest: EachJoint[NotNegative] = field(unit="rad", side="joint")
     """Largest |error| of the recordings' mean."""
-    rms: EachJoint[NotNegative] = setting(unit="rad", side="joint")
+    rms: EachJoint[NotNegative] = field(unit="rad", side="joint")
     """RMS error that repeats: that of the mean, less the remaining noise."""
-    floor: EachJointOrNone[NotNegative] = setting((), unit="rad", side="joint")
+    floor: EachJointOrNone[NotNegative] = field((), unit="rad", side="joint")
     """RMS error that does not repeat; only with several recordings."""
-    shifts: Values[Number] = setting((), unit="s")
+    shifts: Values[Number] = field((), unit="s")
     """Start of the motion in each recording."""
 
     @property

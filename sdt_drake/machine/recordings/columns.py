@@ -10,11 +10,11 @@ from sdt_drake.io.fields import (
     EachJoint,
     Input,
     Names,
+    NonEmptyNames,
     Number,
     Positive,
     Problems,
-    SomeNames,
-    setting,
+    field,
 )
 from sdt_drake.io.numbers import Style
 from sdt_drake.io.yaml_files import load_yaml
@@ -42,13 +42,13 @@ class Layout(Input):
     """Decimal mark in the numbers: point or comma."""
     encoding: str = "utf-8"
     """Encoding of the text, such as latin-1 or utf-16."""
-    skip: int = setting(0, ge=0, le=1000, unit="-")
+    skip: int = field(0, ge=0, le=1000, unit="-")
     """Number of lines to skip before the header or the first row."""
     time: str = "time"
     """Column of the time; "" if the file has none, then give `rate`."""
-    time_factor: Positive = setting(1.0, unit="s")
+    time_factor: Positive = field(1.0, unit="s")
     """Unit of the time column: 0.001 for milliseconds."""
-    rate: Positive | None = setting(None, unit="Hz")
+    rate: Positive | None = field(None, unit="Hz")
     """Sample rate of a file without a time column."""
 
     @property
@@ -78,21 +78,21 @@ class Columns(Layout):
     whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
     """
 
-    q: SomeNames = setting(("q_{k}",))
+    q: NonEmptyNames = field(("q_{k}",))
     """Columns of the positions."""
-    v: Names = setting(("v_{k}",))
+    v: Names = field(("v_{k}",))
     """Columns of the speeds (optional)."""
-    tau: SomeNames = setting(("tau_{k}",))
+    tau: NonEmptyNames = field(("tau_{k}",))
     """Columns of the torques."""
-    tau_mean: Names = setting(("tau_mean_{k}",))
+    tau_mean: Names = field(("tau_mean_{k}",))
     """Columns of the mean torques over the sample period before; `identify` prefers them."""
-    q_ref: Names = setting(("q_ref_{k}",))
+    q_ref: Names = field(("q_ref_{k}",))
     """Columns of the position reference, for `replay`."""
-    v_ref: Names = setting(("v_ref_{k}",))
+    v_ref: Names = field(("v_ref_{k}",))
     """Columns of the speed reference, for `replay`."""
-    vd_ref: Names = setting(("vd_ref_{k}",))
+    vd_ref: Names = field(("vd_ref_{k}",))
     """Columns of the acceleration reference, for `replay`."""
-    tau_ff: Names = setting(("tau_ff_{k}",))
+    tau_ff: Names = field(("tau_ff_{k}",))
     """Columns of the torque feedforward, for `replay`."""
     angle: Literal["rad", "deg"] = "rad"
     """Unit of positions and speeds: "rad" or "deg"."""
@@ -102,15 +102,15 @@ class Columns(Layout):
     side: Side | None = None
     """Side of torques: "joint" or "motor". The default is the motor side for recordings of
     `simulate`, else the joint side."""
-    position_offset: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
+    position_offset: EachJoint[Number] | None = field(None, unit="rad", side="joint")
     """Values added to q and q_ref of each joint; 0 by default."""
-    direction: EachJoint[Annotated[Number, Field(ge=-1, le=1)]] | None = setting(None, unit="-")
+    direction: EachJoint[Annotated[Number, Field(ge=-1, le=1)]] | None = field(None, unit="-")
     """Direction of each joint: 1, or -1 if positions, speeds and torques have the opposite sign
     of the robot's file; 1 by default."""
-    torque_delay: Number = setting(0.0, ge=-1, le=1, unit="s")
+    torque_delay: Number = field(0.0, ge=-1, le=1, unit="s")
     """Delay of recorded torques behind positions, such as half the period of a drive that holds
     them."""
-    torque_factor: EachJoint[Number] | None = setting(None, unit="N m per unit")
+    torque_factor: EachJoint[Number] | None = field(None, unit="N m per unit")
     """Factor from each torque or current column to N m; 1 by default."""
 
     def problems(self) -> Problems:

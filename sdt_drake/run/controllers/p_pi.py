@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from sdt_drake.io.fields import EachJoint, Positive, setting
+from sdt_drake.io.fields import EachJoint, Positive, field
 from sdt_drake.run.controllers.pi import Ahead, PiLoops, pi_feedback
 from sdt_drake.run.design import Design
 from sdt_drake.run.options import ChosenFeedforward, ControllerOptions
@@ -17,7 +17,7 @@ from sdt_drake.systems import position_loop
 class PositionGain(ControllerOptions):
     """Options of controllers with a proportional position controller for each joint."""
 
-    position_gain: EachJoint[Positive] | None = setting(None, unit="1/s")
+    position_gain: EachJoint[Positive] | None = field(None, unit="1/s")
     """Position gain K_V; omega_n / 4 by default."""
 
 

@@ -7,7 +7,7 @@ from typing import Literal, cast
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import Number, setting
+from sdt_drake.io.fields import Number, field
 from sdt_drake.motion import Motion
 from sdt_drake.run.controllers.base import Feedback, feedback_of
 from sdt_drake.run.design import Design
@@ -55,7 +55,7 @@ class PiLoops(AntiWindup, Feedback):
 class WeightedPi(PiLoops):
     """Options of PI controllers whose set-point weight the scenario chooses."""
 
-    setpoint_weight: Number = setting(0.0, ge=0, le=1, unit="-")
+    setpoint_weight: Number = field(0.0, ge=0, le=1, unit="-")
     """Set-point weight b of the proportional gain, which acts on b r v_ref - r v: 0 is I-P
     (Figure 5), 1 is PI with both gains on the error, as in other kinds."""
 
