@@ -45,7 +45,10 @@ class _Words(Formatter):
 
 
 def said(text: str, *values: object, **named: object) -> Marked:
-    """Return Markdown with values in its braces, which are shown as they are.
+    """Return Markdown with values in its braces, which are shown as they are, in one line.
+
+    Texts that are not Marked lose blanks at their ends. Shares have a format such as `.1%`, and
+    `code` is the format of inline code.
 
     >>> said("**{}** of {name:code}: {:.0%}, {:.1f}", "a*b", 0.5, float("nan"), name="x")
     '**a\\\\*b** of `x`: 50 %, –'
