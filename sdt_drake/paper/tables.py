@@ -111,7 +111,7 @@ def steps_table(steps: Json) -> Table:
         "settling_time": ("settling, 2 % [s]", ".4f"),
         "overshoot_percent": ("overshoot [%]", ".3f"),
     }
-    structures = {"pi": "PI on the error", "p_in_feedback": "P in the feedback path"}
+    structures = {"pi": "PI on the error", "p_in_feedback": "I-P"}
     published = [[f"{steps['published'][key][name]:g}" for name in columns] for key in structures]
     return _pairs(columns, structures.values(), [steps[key] for key in structures], published)
 

@@ -71,7 +71,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
     """Draw step responses of the speed loop by structure, with their metrics (Figure 4)."""
     looks = {
         "pi": (PALETTE[1], "PI on the error"),
-        "p_in_feedback": (PALETTE[6], "P in the feedback path"),
+        "p_in_feedback": (PALETTE[6], "I-P"),
     }
     with style():
         figure = Picture(figsize=(6.4, 4), layout="constrained")
