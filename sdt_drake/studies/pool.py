@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _IDLE_TIMEOUT = 60  # s; a process without rows ends after this time
 _MAX_PER_PROCESSOR = 8  # processes; more of them would only need memory
-_MAX_ROWS = 50  # per process: Drake never frees a diagram of Python classes, 9 MB in each run
+_MAX_ROWS = 50  # per process, which grows by 1 MB a row; by 9 MB with diagrams of Python classes
 _PARENT_TIMEOUT = 0.2  # s; the main process ends within it after its pipe has closed
 _TRIES = 2  # runs of a row whose process ends, or starts of a pool that breaks
 

@@ -22,8 +22,6 @@ from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
-_MAX_PLANS = 16  # planned motions, with their robots, that a process keeps
-
 Inputs = Mapping[str, Value]
 """Values of the variables of a row, by name."""
 
@@ -43,9 +41,22 @@ class Runner:
     """A runner of a study's rows. It keeps the robots and planned motions that rows share."""
 
     def __init__(
-        self, study: Study, base: Scenario, places: Mapping[str, str] | None = None
+        self,
+        study: Study,
+        base: Scenario,
+        places: Mapping[str, str] | None = None,
+        *,
+        plans: int = 16,
     ) -> None:
-        """Make a runner; `places` has the paths of files by their names in study and base."""
+        """Make a runner.
+
+        Args:
+            study: the study.
+            base: its base scenario.
+            places: paths of files by their names in study and base.
+            plans: largest number of planned motions, with their robots, that are kept.
+        """
+        self._most = plans
         self.study, self.base, self._places = study, base, dict(places or {})
         self._plans: dict[tuple[object, ...], _Planned | InfeasibleError] = {}
 
@@ -78,7 +89,7 @@ class Runner:
         planning = (scenario.motion, scenario.period, scenario.torque_margin, scenario.planner)
         key = (scenario.robot, scenario.device, scenario.drive.n1, scenario.drive.n0, *planning)
         if key not in self._plans:
-            if len(self._plans) >= _MAX_PLANS:
+            if len(self._plans) >= self._most:
                 del self._plans[next(iter(self._plans))]
             self._plans[key] = _plan(scenario)
         planned = self._plans[key]

@@ -58,16 +58,15 @@ def test_outcomes_are_those_of_a_run(base, robot):
     np.testing.assert_allclose(worst, again[: robot.n], rtol=1e-12, atol=1e-15)
 
 
-def test_a_row_does_not_depend_on_those_before_it(files, monkeypatch):
+def test_a_row_does_not_depend_on_those_before_it(files):
     """Whatever robots and plans of other devices and motions the runner keeps."""
-    monkeypatch.setattr("sdt_drake.studies.runs._MAX_PLANS", 4)
     drive = Drive(n1=[200.0, 0.01, 0.01, 0.01], n0=[300.0, 9.0, 9.0, 9.0])
     base = load_scenario(files / "coupled.yaml", {"drive": drive})
     levels = {"device.structure_scale": [1.0, 0.5], "torque_margin": [1.0, 0.05]}
     levels["drive.n0[2]"] = [9.0, 0.02]
     variables = [of(name, List(values)) for name, values in levels.items()]
     study = Study(variables=[*variables, of("disturbance.amplitude", Uniform(0, 0.3))])
-    runner = Runner(study, base)
+    runner = Runner(study, base, plans=4)
     rows = {number: runner.run(number) for number in (7, 0, 4, 2, 1, 0)}
     for number, row in rows.items():
         alone = replace(Runner(study, base).run(number), duration=row.duration)
