@@ -33,7 +33,7 @@ def change(folder, statement, *values):
         ("run two.yaml", "two.csv: 2 joint(s), expected 4 as in the base"),
         ("run axis.yaml", "axis.yaml: is a scenario, expected a study"),
         ("run few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
-        ("run few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
+        ("run few.yaml --cluster nonsense", "--cluster: nonsense: cannot be reached"),
         ("run few.yaml --out .", ".: contains other files, expected an empty folder"),
         ("run few.yaml --resume", "few: no study to resume"),
         ("show nowhere", "nowhere: contains no study"),
