@@ -104,6 +104,12 @@ def test_speeds_from_positions_are_central_differences_of_the_cubic_spline():
     np.testing.assert_allclose(motion.v[1:-2], (after - before) / (2 * PERIOD), atol=1e-12)
 
 
+def test_three_positions_are_a_parabola():
+    time = np.array([0.0, 0.5, 1.25])
+    motion, _ = resampled("in.csv", time, time[:, None] ** 2, None, PERIOD)
+    np.testing.assert_allclose(motion.v[:, 0], 2 * motion.time, atol=1e-12)
+
+
 def test_a_csv_is_resampled_checked_by_the_limiter_and_slowed_down_by_retiming(robot, tmp_path):
     time, path = 0.032 * np.arange(126), tmp_path / "in.csv"
     write_table(path, time, {"v_ref": SWING.speeds(time)})
