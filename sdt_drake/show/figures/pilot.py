@@ -132,6 +132,7 @@ def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Pane
     )
 
 
+@typed
 def felt_panels(time: Array, head: HeadTracking) -> list[tuple[str, str, list[Panel]]]:
     """Make the panels of each axis of the head, with the errors over the threshold.
 
