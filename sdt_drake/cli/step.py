@@ -48,8 +48,8 @@ def run(
         duration: time after the step [s] (default: 50 / omega_n of the slowest loop)
         inertia: without a scenario, effective inertia, motor side [kg m²] (default: published
             value of joint 1)
-        structure: without a scenario, structure of the controller: P and I on the error, or I-P with
-            P in the feedback (default: p_in_feedback)
+        structure: without a scenario, structure of the controller: P and I on the error, or I-P
+            with P in the feedback (default: p_in_feedback)
         omega_r: without a scenario, lowest natural frequency of the structure [rad/s] (default:
             65.991, published)
         zeta: without a scenario, damping ratio [-] (default: 1)
