@@ -93,7 +93,7 @@ def figure3() -> Figure:
     """Decoupling of the inverse dynamics into load and alleviating torque."""
     design = designed("axis_pi")
     title = "Torques, motor side: PI on decoupled axes, Algorithm 1 as printed"
-    return plots.torques(title, simulate(design), design.loads, design.robot)
+    return plots.torques(title, simulate(design), design.loads, design.device.simulated)
 
 
 def coupled_loop() -> Figure:
@@ -101,7 +101,9 @@ def coupled_loop() -> Figure:
     designs = {label: designed(f"coupled_{label}") for label in ("pi", "pi_ctc")}
     runs = {label: simulate(design) for label, design in designs.items()}
     title, design = "Speed errors on the coupled MultibodyPlant", designs["pi"]
-    return plots.speed_errors(title, runs, design.robot.joint_names, design.motion)
+    return plots.speed_errors(
+        title, runs, design.device.simulated.joint_names, design.reference.tracked
+    )
 
 
 # --- beyond the paper ------------------------------------------------------------------------
@@ -131,7 +133,7 @@ def stability() -> Figure:
         for encoder in ENCODERS
     }
     title = f"Loops tuned for ω_n, joints elastic with ω_r = {omega_r:.1f} rad/s"
-    return plots.stability(title, sweeps, design.robot.joint_names)
+    return plots.stability(title, sweeps, design.device.simulated.joint_names)
 
 
 def identification() -> Figure:
@@ -147,17 +149,17 @@ def identification() -> Figure:
     changes = {"plant.deviation": deviation, "controller.model": Deviation()}
     changes["motion"] = str(HERE / "exciting.yaml")
     design = make_design(load_scenario("real_device", changes))
-    device, run = design.robot, simulate(design)
+    device, run = design.device.simulated, simulate(design)
     tau = run.tau_mean * device.gear_ratio
     noise = np.random.default_rng(0).normal(size=tau.shape)
     tau += 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * noise
     recorded = Recorded(HERE / "exciting.csv", run.time, {"q": run.q, "tau": tau, "tau_mean": tau})
-    identified = identified_robot(identify(design.nominal, [recorded]))
+    identified = identified_robot(identify(design.device.nominal, [recorded]))
 
     motion = load_plan("coriolis").motion
     needed, file, found = (
         inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-        for robot in (device, design.nominal, identified)
+        for robot in (device, design.device.nominal, identified)
     )
     torques = over_time(
         "torque [N m], joint side",
@@ -200,13 +202,17 @@ def sizing(studies: Path) -> Figure:
 def flown(motion: str) -> tuple[Design, Recording, Story]:
     """A training motion that ships with the package, simulated."""
     design = make_design(load_scenario("training", {"motion": motion}))
-    return design, simulate(design), story_of(motion, design.robot, design.motion)
+    return (
+        design,
+        simulate(design),
+        story_of(motion, design.device.simulated, design.reference.tracked),
+    )
 
 
 def training(motion: str) -> Figure:
     """What the pilot feels of a training motion."""
     design, run, story = flown(motion)
-    return plots_pilot.pilot(motion, run.time, track_head(run, design.robot), story)
+    return plots_pilot.pilot(motion, run.time, track_head(run, design.device.simulated), story)
 
 
 def device(path: Path) -> None:
@@ -335,7 +341,7 @@ def draw(name: str, folder: Path, studies: Path, *, record: bool) -> None:
     motion = name.removeprefix("training_")
     if record and motion != name:
         design, run, story = flown(motion)
-        record_html(design.robot, run.time, run.q, folder / f"{name}.html", story=story)
+        record_html(design.device.simulated, run.time, run.q, folder / f"{name}.html", story=story)
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ This module offers the functions and classes of daily use and imports each at it
 
     design = sdt.design(sdt.load("coupled_pi_ctc"))
     run = sdt.simulate(design)
-    print(sdt.track(run, design.motion).max_abs_speed_error)  # [rad/s], joint side
+    print(sdt.track(run).max_abs_speed_error)  # [rad/s], joint side
 
 The packages, from the bottom up: `io` (files), `robot` (SDF, dynamics), `motion` (profiles and
 planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation), `pilot` (what a

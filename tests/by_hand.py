@@ -28,7 +28,7 @@ def rk4(law, y, times, steps):
 
 def inverse_dynamics(design):
     """What the motors need along the motion, by the plant's mass matrix [N m], motor side."""
-    plant, motion, tau = design.nominal.plant, design.motion, []
+    plant, motion, tau = design.device.nominal.plant, design.reference.tracked, []
     context = plant.CreateDefaultContext()
     for q, v, vd in zip(motion.q, motion.v, motion.vd, strict=True):
         plant.SetPositionsAndVelocities(context, [*q, *v])
@@ -40,7 +40,7 @@ def inverse_dynamics(design):
 def _fed_forward(design):
     kind = design.scenario.controller.feedforward_in_use
     if kind == "none":
-        return np.zeros_like(design.motion.v)
+        return np.zeros_like(design.reference.tracked.v)
     return design.loads.load_torque if kind == "ctc" else inverse_dynamics(design)
 
 
@@ -55,16 +55,16 @@ class Motors:
         def choices(get):
             return np.array([[float(get(design.scenario))] for design in designs])
 
-        self.motion = designs[0].motion
-        self.kp_motor = side_by_side(lambda d: d.gains.kp * GEAR)
-        self.ki = side_by_side(lambda d: d.gains.ki)
+        self.motion = designs[0].reference.tracked
+        self.kp_motor = side_by_side(lambda d: d.tuning.gains.kp * GEAR)
+        self.ki = side_by_side(lambda d: d.tuning.gains.ki)
         self.inertia = side_by_side(lambda d: d.i_eff * GEAR)
-        self.limit = side_by_side(lambda d: d.robot.effort_limit / GEAR)
+        self.limit = side_by_side(lambda d: d.device.simulated.effort_limit / GEAR)
         self.load = side_by_side(lambda d: d.loads.load_torque)
         self.help = side_by_side(lambda d: widened * d.loads.alleviating_torque)
         self.tau_ff = side_by_side(_fed_forward)
         is_scheduled = choices(lambda s: s.controller.kind == "pi_scheduled")[..., None]
-        self.share = np.where(is_scheduled, side_by_side(lambda d: d.inertia_share), 1.0)
+        self.share = np.where(is_scheduled, side_by_side(lambda d: d.tuning.inertia_share), 1.0)
         error = side_by_side(lambda d: np.array(d.drive.torque_error or np.zeros(4)))
         self.given = 1 + error
         self.p_on_error = choices(lambda s: s.controller.setpoint_weight)
@@ -109,7 +109,7 @@ def axes_by_hand(designs, *, steps=10):
 
 def robot_by_hand(design, *, widened=False, steps=5):
     """States [q, v, integral] of the coupled plant from rest, shape (N + 1, 3, n)."""
-    motors, plant = Motors([design], widened=widened), design.robot.plant
+    motors, plant = Motors([design], widened=widened), design.device.simulated.plant
     context = plant.CreateDefaultContext()
 
     def law(i):
@@ -125,5 +125,5 @@ def robot_by_hand(design, *, widened=False, steps=5):
 
         return derivative
 
-    start = [design.motion.q[0], np.zeros(4), np.zeros(4)]
-    return rk4(law, np.array(start), design.motion.time, steps)
+    start = [design.reference.tracked.q[0], np.zeros(4), np.zeros(4)]
+    return rk4(law, np.array(start), design.reference.tracked.time, steps)

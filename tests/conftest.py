@@ -207,13 +207,13 @@ def designed(_reference_design):
     base = _reference_design
 
     def cut(start, end, rest):
-        period = base.motion.period
-        v = base.motion.v[round(start / period) : round(end / period) + 1]
-        v = np.vstack([np.zeros((rest, base.robot.n)), v])
-        return Motion.from_speeds(period, base.motion.q[0], v)
+        period = base.reference.tracked.period
+        v = base.reference.tracked.v[round(start / period) : round(end / period) + 1]
+        v = np.vstack([np.zeros((rest, base.device.simulated.n)), v])
+        return Motion.from_speeds(period, base.reference.tracked.q[0], v)
 
     def make(name, fields=None, *, start=0.0, end=None, rest=0, motion=None):
-        along = motion or (base.motion if end is None else cut(start, end, rest))
+        along = motion or (base.reference.tracked if end is None else cut(start, end, rest))
         scenario = load_scenario(name).changed(fields or {})
         return make_design(scenario, robot=base.nominal, motion=along)
 

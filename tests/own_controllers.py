@@ -12,8 +12,8 @@ class Proportional(LeafSystem, Controller):
 
     def __init__(self, design):
         super().__init__()
-        self._n = n = design.robot.n
-        self._gain = 0.9 * design.gains.kp * design.robot.gear_ratio
+        self._n = n = design.device.simulated.n
+        self._gain = 0.9 * design.tuning.gains.kp * design.device.simulated.gear_ratio
         self._reference = self.DeclareVectorInputPort("reference", 3 * n)
         self._state = self.DeclareVectorInputPort("sampled_state", 2 * n)
         inputs = {self._reference.ticket(), self._state.ticket()}

@@ -37,8 +37,15 @@ def run(short):
 
 def test_objects_show_themselves_shortly(robot, short, run):
     compared = Comparison([Compared("pi_ctc", short, run)])
-    shown = [short.scenario, short, short.motion, sdt.plan("leans", robot), run, compared]
-    for thing in [*shown, short.linear(), robot, sdt.track(run, short.motion)]:
+    shown = [
+        short.scenario,
+        short,
+        short.reference.tracked,
+        sdt.plan("leans", robot),
+        run,
+        compared,
+    ]
+    for thing in [*shown, short.linear(), robot, sdt.track(run)]:
         name, line, text, page = type(thing).__name__, repr(thing), str(thing), thing._repr_html_()
         assert line.startswith(f"<{name} ") and len(line) <= 100 and "\n" not in line
         assert text.startswith(f"{name} ") and 3 <= len(text.splitlines()) <= 8
@@ -93,7 +100,9 @@ def test_tables_of_pandas(short, run):
     table = run.to_pandas()
     assert table.index.name == "time" and np.array_equal(table.index, run.time)
     assert np.array_equal(table["tau_cmd_2"], run.tau_cmd[:, 1])
-    assert np.array_equal(short.motion.to_pandas()["vd_ref_4"], short.motion.vd[:, 3])
+    assert np.array_equal(
+        short.reference.tracked.to_pandas()["vd_ref_4"], short.reference.tracked.vd[:, 3]
+    )
     compared = Comparison([Compared("pi_ctc", short, run)]).to_pandas()
     error = np.abs(run.speed_error[:, 1]).max()
     assert compared.loc[("pi_ctc", "roll"), "max_abs_speed_error"] == pytest.approx(error)
@@ -106,7 +115,7 @@ def test_functions_give_the_numbers_of_the_commands(short, run, tmp_path):
     response = sdt.bode(short, time=0.25)
     expected = frequency_response(short, sample=50).loop_gain
     np.testing.assert_array_equal(response.loop_gain, expected)
-    np.testing.assert_array_equal(sdt.tune(short)["i_eff_max"], short.inertia.maximum)
+    np.testing.assert_array_equal(short.tuning.numbers["i_eff_max"], short.inertia.maximum)
     run.save(tmp_path / "run.csv")
     replayed = sdt.replay(tmp_path / "run.csv", short.scenario)
     assert replayed.explained("speed_error").min() > 0.999999
@@ -125,7 +134,7 @@ def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(design
     model = design.linear()
     system, s = model.to_control(), 10j
     for k in range(4):
-        kp, ki, inertia = design.gains.kp[k], design.gains.ki[k], design.i_eff[k]
+        kp, ki, inertia = design.tuning.gains.kp[k], design.tuning.gains.ki[k], design.i_eff[k]
         below = np.poly1d([inertia, kp, ki])
         for pole in below.roots:
             assert np.abs(system.poles() - pole).min() < 1e-9 * abs(pole)
@@ -134,7 +143,7 @@ def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(design
             system(s)[row, model.inputs.index(f"{x}_{k + 1}")] for x in ("v_ref", "tau_ff")
         )
         assert gain == pytest.approx(ki / below(s), rel=1e-9)
-        assert load == pytest.approx(s / below(s) / design.robot.gear_ratio[k], rel=1e-9)
+        assert load == pytest.approx(s / below(s) / design.device.simulated.gear_ratio[k], rel=1e-9)
     assert list(system.state_labels) == list(model.states)
     np.testing.assert_allclose(model.A[:4, 4:8], np.eye(4), atol=1e-12)  # q' = v
 
@@ -156,7 +165,7 @@ def test_every_argument_of_every_function_refuses_an_odd_object(short, run, tmp_
         "load": ["axis_pi"], "save": [scenario, "x.yaml"], "load_robot": ["sdt"],
         "plan": ["leans"], "identify": ["sdt", "r.csv"], "judge": ["sdt", "r.csv"],
         "replay": ["r.csv", scenario], "export": [short, "drives", "out"],
-        "fly": ["sdt", "turn"], "track": [run, short.motion], "compare": [short, ["pi"]],
+        "fly": ["sdt", "turn"], "track": [run], "compare": [short, ["pi"]],
         "perceive": [STILL.time, zeros, zeros], "design": [scenario],
         "register_controller": ["own", object],
         **{x: [short] for x in ("loop", "simulate", "tune", "bode", "learn", "linear", "view")},
@@ -214,10 +223,9 @@ WRONG = {
     "recordings: none": lambda design: sdt.identify("sdt", []),
     "held_out: 1,": lambda design: sdt.identify("sdt", "r", held_out=1),
     "of: 'x'": lambda design: sdt.learn(design, of="x"),
-    "motion: .*4 joints": lambda design: sdt.track(simulate(design), STILL),
     r"changes: \['a=b'\]": lambda design: sdt.load("coupled_pi", ["a=b"]),
     r"changes: \{1: 2\}": lambda design: sdt.load("coupled_pi", {1: 2}),
-    r"joint_names: 1 name": lambda design: design.motion.plot(["a"]),
+    r"joint_names: 1 name": lambda design: design.reference.tracked.plot(["a"]),
 }
 """Wrong uses by the beginning of what they are told."""
 
@@ -233,10 +241,10 @@ def test_what_drake_would_die_of_is_refused(design, designed):
     motion = copy.deepcopy(STILL)
     motion.v[3, 1] = np.nan
     with pytest.raises(sdt.InputError, match=r"v of joint 2 is not finite at 0\.015 s"):
-        sdt.design(design.scenario, robot=design.robot, motion=motion)
+        sdt.design(design.scenario, robot=design.device.simulated, motion=motion)
     three = Motion.from_speeds(0.005, Q0[:3], V[:, :3])
     with pytest.raises(sdt.InputError, match=r"motion: .*3 joint\(s\), .*'sdt' has 4"):
-        sdt.design(design.scenario, robot=design.robot, motion=three)
+        sdt.design(design.scenario, robot=design.device.simulated, motion=three)
     with pytest.raises(sdt.InputError, match="'axis_loop', expected the loop of the design"):
         simulate(design, sdt.loop(designed("axis_pi")))
 
@@ -244,7 +252,7 @@ def test_what_drake_would_die_of_is_refused(design, designed):
 def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
     """With the least step far above what the loop needs."""
     scenario = dataclasses.replace(design.scenario, accuracy=1e-12)
-    own = sdt.design(scenario, robot=design.robot, motion=design.motion)
+    own = sdt.design(scenario, robot=design.device.simulated, motion=design.reference.tracked)
     monkeypatch.setattr("sdt_drake.run.simulate.MAX_STEPS", 2)
     with pytest.raises(sdt.InputError, match=r"stuck at \d.* s \("):
         simulate(own)

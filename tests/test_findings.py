@@ -233,7 +233,7 @@ def test_a_held_mean_speed_is_not_late(designed):
     for held, error in zip(("start", "mean"), told.groups(), strict=True):
         fields = {"controller.kind": "p_pi", "controller.feedforward": "id", "held_speed": held}
         made = designed("coupled_pi", fields)
-        found = track(simulate(made), made.motion).max_abs_position_error[1]
+        found = track(simulate(made)).max_abs_position_error[1]
         assert np.degrees(found) == pytest.approx(float(error), abs=5e-4)
 
 
@@ -271,5 +271,5 @@ def test_row_459_runs_away_without_anti_windup():
     scenario = runner.scenario(459, table.inputs.loc[459].to_dict())
     scenario = scenario.changed({"controller.anti_windup": True, "accuracy": COARSE})
     made, _ = runner.design(scenario)
-    largest = track(simulate(made), made.motion).max_abs_position_error.max()
+    largest = track(simulate(made)).max_abs_position_error.max()
     assert np.degrees(largest) == pytest.approx(11.4, abs=0.3)

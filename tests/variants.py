@@ -14,13 +14,13 @@ def kind(label: str, **fields) -> dict:
 
 def weaker(design, share):
     """Return a design whose motors have a share of their torque."""
-    device = design.nominal
+    device = design.device.nominal
     return replace(design, nominal=replace(device, effort_limit=share * device.effort_limit))
 
 
-def overruled(design, **parts):
-    """Return a design with computed parts that contradict the rest."""
-    other = replace(design)
+def overruled(thing, **parts):
+    """Return a design, or its tuning, with computed parts that contradict the rest."""
+    other = replace(thing)
     vars(other).update(parts)
     return other
 

@@ -66,7 +66,7 @@ def error_budget(design: Design) -> ErrorBudget:
         )
     if scenario.learned or design.learned is not None:
         raise InputError("has no part in an error budget; remove it", place="learned")
-    if design.fed is not None:
+    if design.feedforward_override is not None:
         text = "another torque feedforward than the controller's own"
         raise InputError(f"{text} has no part in an error budget", place="design")
     if scenario.inverse_dynamics != "table":
@@ -76,8 +76,9 @@ def error_budget(design: Design) -> ErrorBudget:
     smooth = scenario.changed({**_SMOOTH, "drive.encoder_resolution": fine})
     calm = smooth.changed({"disturbance.amplitude": 0.0})
 
-    def exact(scenario: Scenario, fed: Feedforward | None = None) -> Design:
-        return replace(design, scenario=replace(scenario, accuracy=_ACCURACY), fed=fed)
+    def exact(scenario: Scenario, override: Feedforward | None = None) -> Design:
+        exact = replace(scenario, accuracy=_ACCURACY)
+        return replace(design, scenario=exact, feedforward_override=override)
 
     def unlimited(design: Design) -> Loop:
         return make_loop(design.assuming(limited=False))
@@ -94,7 +95,7 @@ def error_budget(design: Design) -> ErrorBudget:
     whole, free, linear, undisturbed, reference = (errors[loop] for loop in loops)
     differences = (reference, undisturbed - reference, linear - undisturbed, whole - free)
     parts = dict(zip(PARTS, differences, strict=True))
-    return ErrorBudget(design.motion.time, whole, parts, whole - sum(parts.values()))
+    return ErrorBudget(design.reference.tracked.time, whole, parts, whole - sum(parts.values()))
 
 
 def _own_feedforward(design: Design) -> Feedforward:
@@ -103,4 +104,6 @@ def _own_feedforward(design: Design) -> Feedforward:
     if choice.feedforward_in_use != "id":
         return Feedforward()
     gain = np.array(choice.feedforward_gain or 1.0)
-    return Feedforward(gain * design.i_eff * design.robot.gear_ratio * design.motion.vd)
+    return Feedforward(
+        gain * design.i_eff * design.device.simulated.gear_ratio * design.reference.tracked.vd
+    )

@@ -55,12 +55,12 @@ class Compared:
     @cached_property
     def tracking(self) -> Tracking:
         """Tracking errors of the joints."""
-        return track(self.recording, self.design.wanted)
+        return track(self.recording)
 
     @cached_property
     def motors(self) -> MotorUse:
         """Motor torques of the run."""
-        return motor_use(self.recording, self.design.robot)
+        return motor_use(self.recording, self.design.device.simulated)
 
     @cached_property
     def head(self) -> HeadTracking:
@@ -69,7 +69,7 @@ class Compared:
         Raises:
             InputError: the robot has no head.
         """
-        return track_head(self.recording, self.design.robot)
+        return track_head(self.recording, self.design.device.simulated)
 
     @cached_property
     def metrics(self) -> dict[str, Array]:
@@ -116,7 +116,10 @@ class Comparison(list[Compared], Shown):
         """
         with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
             import pandas as pd
-        frames = {c.label: pd.DataFrame(c.metrics, index=c.design.robot.joint_names) for c in self}
+        frames = {
+            c.label: pd.DataFrame(c.metrics, index=c.design.device.simulated.joint_names)
+            for c in self
+        }
         return pd.concat(frames, names=["controller", "joint"])
 
 
@@ -143,7 +146,7 @@ def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
     """
     check_labels(labels)
     design = as_design(design)
-    if design.fed is not None:
+    if design.feedforward_override is not None:
         text = "has another torque feedforward, which replaces those of the compared controllers"
         raise InputError(f"{text}; expected a design with its controller's own", place="design")
     designs = [design_with(design, label) for label in labels]
@@ -241,7 +244,7 @@ def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[
     """Return header and rows of the table of errors: a row for each controller and joint."""
     rows = []
     for c in compared:
-        for k, name in enumerate(c.design.robot.joint_names):
+        for k, name in enumerate(c.design.device.simulated.joint_names):
             cells = [METRICS[metric].text(c.metrics[metric][k]) for metric in COMPARED]
             rows.append([c.label if k == 0 else "", f"{k + 1} {name}", *cells])
     return ["controller", "joint", *_HEADER], rows
@@ -255,7 +258,7 @@ def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]
     """
     rows = []
     for c in compared:
-        if has_head(c.design.robot):
+        if has_head(c.design.device.simulated):
             share, rotation, about, force, along = _felt(c)
             rows.append([c.label, f"{share:.1f}", f"{rotation:.2f}", about, f"{force:.2f}", along])
     return ["controller", *_FELT], rows
@@ -274,12 +277,12 @@ def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    has_heads = all(has_head(c.design.robot) for c in compared)
+    has_heads = all(has_head(c.design.device.simulated) for c in compared)
     felt_header = _FELT if has_heads else []
     rows = []
     for c in compared:
         felt = _felt(c) if has_heads else ()
-        for k in range(c.design.robot.n):
+        for k in range(c.design.device.simulated.n):
             values = [METRICS[name].factor * c.metrics[name][k] for name in COMPARED]
             cells = ["" if np.isnan(value) else repr(float(value)) for value in values]
             rows.append([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs), *felt])

@@ -73,7 +73,9 @@ class FrequencyResponse(Shown):
 
     def plot(self, design: Design | None = None) -> Figure:
         """Return a figure of magnitude and phase; a design gives the joints their names."""
-        names = [""] * len(self.bandwidth) if design is None else design.robot.joint_names
+        names = (
+            [""] * len(self.bandwidth) if design is None else design.device.simulated.joint_names
+        )
         title = "Frequency response" if design is None else design.scenario.summary().title
         return higher("show.figures.runs:bode")(title, self, names)
 
@@ -145,7 +147,7 @@ def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyRe
     design = as_design(design)
     if time is None:
         return frequency_response(design)
-    motion = design.motion
+    motion = design.reference.tracked
     if finite_number(time, "time", minimum=0) > motion.duration:
         raise InputError(f"{time:g} s, the motion ends at {motion.duration:g} s", place="time")
     return frequency_response(design, sample=round(time / motion.period))
@@ -172,18 +174,18 @@ def frequency_response(
             loops (further with elastic joints). Sampled loops end at the Nyquist frequency of their
             slowest part.
     """
-    n = design.robot.n
+    n = design.device.simulated.n
     largest = where_largest(design.torques.d_kk).tolist()
     samples = largest if sample is None else [sample] * n
     loops = {i: linearise(design, i) for i in set(samples)}
-    top = 100 * design.omega_n.max()
+    top = 100 * design.tuning.omega_n.max()
     if design.springs is not None:  # far above resonance, the gains act on the rotors alone
-        rotors = np.where(design.springs.elastic, design.robot.motor_inertia, np.inf)
-        top = max(top, 10 * np.max(design.gains.kp / rotors))
+        rotors = np.where(design.springs.elastic, design.device.simulated.motor_inertia, np.inf)
+        top = max(top, 10 * np.max(design.tuning.gains.kp / rotors))
     period = loops[samples[0]].opened.period
     if period:
         top = np.pi / period
-    omega = np.geomspace(1e-3 * design.omega_n.min(), top, points)
+    omega = np.geomspace(1e-3 * design.tuning.omega_n.min(), top, points)
     tracking, gain = np.empty((2, points, n), dtype=complex)
     stable, damping = np.empty(n, dtype=bool), np.empty(n)
     for i, loop in loops.items():
@@ -192,8 +194,8 @@ def frequency_response(
         gain[:, mine] = loop.loop_gain(omega)[:, mine]
         for k in mine:
             modes = loop.closed(k).modes_between()
-            stable[k] = is_stable(modes, design.omega_n[k])
-            damping[k] = least_damping(modes, design.omega_n[k])
+            stable[k] = is_stable(modes, design.tuning.omega_n[k])
+            damping[k] = least_damping(modes, design.tuning.omega_n[k])
     size = np.abs(tracking)
     factors = [_critical_gains(omega, gain[:, k]) for k in range(n)]
     return FrequencyResponse(

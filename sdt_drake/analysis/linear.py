@@ -112,12 +112,12 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
         InputError: the motion has no such sample, or the controller cannot be linearised.
     """
     design = as_design(design)
-    last = len(design.motion.v) - 1
+    last = len(design.reference.tracked.v) - 1
     is_whole = isinstance(sample, int | np.integer) and not isinstance(sample, bool)
     if not (is_whole and 0 <= sample <= last):
         raise InputError(f"{sample!r}, expected a whole number from 0 to {last}", place="sample")
     loop = linearise(design, sample).whole()
-    n = design.robot.n
+    n = design.device.simulated.n
     torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # tau_ff is added to the feedback
     loop = replace(
         loop,
@@ -160,7 +160,7 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
     """Return the loop of a process and a feedback, each sampled as in the design."""
-    n, period = design.robot.n, design.reference.period
+    n, period = design.device.simulated.n, design.reference.held.period
     is_late = design.drive.encoder_resolution is not None  # speeds are then differences
     by_state, by_samples = (
         bool(feedback.B[:, ports].any() or feedback.D[:, ports].any())
@@ -211,8 +211,8 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
     Motors do not saturate, and friction is viscous.
     """
     design = viscous_only(design)
-    diagram, n = make_device(design), design.robot.n
-    at = np.concatenate([design.motion.q[sample], np.zeros(n)])
+    diagram, n = make_device(design), design.device.simulated.n
+    at = np.concatenate([design.reference.tracked.q[sample], np.zeros(n)])
     context = diagram.CreateDefaultContext()
     for name in ("tau_limited", "extra_load_torque"):
         diagram.GetInputPort(name).FixValue(context, np.zeros(n))
@@ -234,9 +234,9 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     Raises:
         InputError: the controller cannot be linearised.
     """
-    n = design.robot.n
+    n = design.device.simulated.n
     controller = feedback_of(design).linear(design, sample)
-    at = np.concatenate([design.motion.q[sample], np.zeros(n)])
+    at = np.concatenate([design.reference.tracked.q[sample], np.zeros(n)])
     resting = {"reference": np.append(at, np.zeros(n)), "measured": at, "sampled_state": at}
     context = controller.CreateDefaultContext()
     ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]

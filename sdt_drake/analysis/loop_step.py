@@ -117,7 +117,7 @@ class LoopStep(Shown):
         }
 
     def summary(self) -> Summary:
-        names = numbered(self.design.robot.joint_names)
+        names = numbered(self.design.device.simulated.joint_names)
         rows = []
         for output, unit in OUTPUTS.items():
             if output == "tau" and np.array_equal(self.tau, self.tau_cmd):
@@ -134,7 +134,7 @@ class LoopStep(Shown):
     @property
     def title(self) -> str:
         """Loop, input, size and instant of the step, and motors that saturate, in words."""
-        robot, scenario = self.design.robot, self.design.scenario.name
+        robot, scenario = self.design.device.simulated, self.design.scenario.name
         size, joint = f"{self.size:+.4g} {INPUTS[self.input]}", robot.joint(self.joint - 1)
         title = f"of {scenario}: {self.input} {size}, {joint}, at {self.at:.6g} s"
         cut = [robot.joint(k) for k in np.flatnonzero(self.saturated.any(axis=0)).tolist()]
@@ -198,11 +198,11 @@ def step(
     """
     design = _as_design(design)
     one_of(input, "input", tuple(INPUTS))
-    (k,) = chosen_joints(0 if joint is None else joint, design.robot.n)
+    (k,) = chosen_joints(0 if joint is None else joint, design.device.simulated.n)
     if size is None:
-        size = 0.1 * float(design.robot.motor_torque_limit[k])
+        size = 0.1 * float(design.device.simulated.motor_torque_limit[k])
         if input == "reference":
-            size /= float(design.gains.kp[k] * design.robot.gear_ratio[k])
+            size /= float(design.tuning.gains.kp[k] * design.device.simulated.gear_ratio[k])
     size = finite_number(size, "size")
     if not 0 < abs(size) <= MAX_SIZE:
         raise InputError(
@@ -212,7 +212,7 @@ def step(
     design = replace(design, scenario=replace(design.scenario, inverse_dynamics="table"))
     first, count = _samples(design, at, duration)
     with_step, without = (_run(design, input, k, x, first, count) for x in (size, 0.0))
-    n = design.robot.n
+    n = design.device.simulated.n
     q, v, tau_cmd, tau = np.split(with_step[:, : 4 * n] - without[:, : 4 * n], 4, axis=1)
     limited = with_step[:, 4 * n :]
     return LoopStep(
@@ -220,8 +220,8 @@ def step(
         input=input,
         joint=joint,
         size=size,
-        at=first * design.reference.period,
-        time=design.reference.period / SAMPLES * np.arange(len(v), dtype=float),
+        at=first * design.reference.held.period,
+        time=design.reference.held.period / SAMPLES * np.arange(len(v), dtype=float),
         q=q,
         v=v,
         tau_cmd=tau_cmd,
@@ -246,7 +246,7 @@ def _as_design(design: Design | Scenario | Loop) -> Design:
 
 def _samples(design: Design, at: float, duration: float | None) -> tuple[int, int]:
     """Return the sample of the step, and the number of periods after it."""
-    period, end = design.motion.period, len(design.motion.v) - 1
+    period, end = design.reference.tracked.period, len(design.reference.tracked.v) - 1
     at = finite_number(at, "at", minimum=0)
     first = round(at / period)
     if abs(first * period - at) > 1e-6 * period or first >= end:
@@ -257,7 +257,7 @@ def _samples(design: Design, at: float, duration: float | None) -> tuple[int, in
         )
     left = end - first
     if duration is None:
-        return first, min(left, int(np.ceil(DURATION / design.omega_n.min() / period)))
+        return first, min(left, int(np.ceil(DURATION / design.tuning.omega_n.min() / period)))
     periods = positive(duration, "duration") / period
     if periods > left * (1 + 1e-9):
         text = f"{duration:.9g} s, but the motion ends {left * period:.9g} s after the step"
@@ -275,7 +275,7 @@ def _run(design: Design, input: str, k: int, size: float, first: int, count: int
         Rows [q, v, tau_cmd, tau, tau_limited] just after the updates at the samples of the
         response, shape (SAMPLES count + 1, 5 n).
     """
-    reference, n = design.reference, design.robot.n
+    reference, n = design.reference.held, design.device.simulated.n
     period = reference.period
     added = np.zeros((len(reference.v), 3 * n if input == "reference" else n))
     added[first:, n + k if input == "reference" else k] = size
@@ -303,7 +303,7 @@ def _run(design: Design, input: str, k: int, size: float, first: int, count: int
     with own_code(design, owner):
         loop.set_steady_state(own)
         if not is_load:  # the controller is inside the system that adds the step
-            tau_cmd = equilibrium(design, steady(design.motion)).tau_cmd
+            tau_cmd = equilibrium(design, steady(design.reference.tracked)).tau_cmd
             inside = inner.GetMyMutableContextFromRoot(context)
             start_controller(owner, inner, inside, design, tau_cmd, None)
         for sample, part in with_progress(instants):
@@ -331,7 +331,7 @@ def _with_step(design: Design, controller: System, input: str, added: Array) -> 
     delay = design.drive.reference_delay if input == "reference" else 0.0
     builder = DiagramBuilder()
     builder.AddNamedSystem("controller", controller)
-    table = signal_table(motion=design.reference, signals={"step": added}, delay=delay)
+    table = signal_table(motion=design.reference.held, signals={"step": added}, delay=delay)
     step_port = builder.AddNamedSystem("step", table).get_output_port()
     total = builder.AddNamedSystem("sum", Adder(2, added.shape[1]))
     builder.Connect(step_port, total.get_input_port(1))

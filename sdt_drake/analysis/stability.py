@@ -90,11 +90,11 @@ def stability_sweep(
         InputError: the robot has no rotor inertia, or an argument does not fit the scenario.
     """
     ratios = np.atleast_1d(np.asarray(ratios, dtype=float))
-    n = design.robot.n
+    n = design.device.simulated.n
     rigid = _slow_design(design, drive)
     # Scheduled gains of a single axis are largest at its largest inertia.
     alone, d_kk = stands_alone(design), design.torques.d_kk
-    samples = rigid.inertia_share.argmax(axis=0) if alone else where_largest(d_kk)
+    samples = rigid.tuning.inertia_share.argmax(axis=0) if alone else where_largest(d_kk)
 
     @cache
     def feedback(omega_n: float, sample: int) -> StateSpace:
@@ -133,7 +133,7 @@ def stands_alone(design: Design) -> bool:
 
 def own_ratio(design: Design, omega_r: float) -> Array:
     """Return omega_n / omega_r of the scenario's own gains at the sweep's inertia [-], (n,)."""
-    return natural_frequency(design.gains, design.i_eff) / omega_r
+    return natural_frequency(design.tuning.gains, design.i_eff) / omega_r
 
 
 def least_damping(modes: Complex, omega_n: float) -> float:
@@ -148,7 +148,7 @@ def least_damping(modes: Complex, omega_n: float) -> float:
 
 def _slow_design(design: Design, drive: Drive) -> Design:
     """Return the design at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
-    slow = _scaled(design.gains, 1 / own_ratio(design, 1.0))
+    slow = _scaled(design.tuning.gains, 1 / own_ratio(design, 1.0))
     changes = {
         "plant.elasticity": Elasticity(),
         "drive": drive,
@@ -165,7 +165,7 @@ def _slow_design(design: Design, drive: Drive) -> Design:
 
 def _tuned(slow: Design, omega_n: float) -> Design:
     """Return a design of omega_n = 1 rad/s with gains for another omega_n [rad/s]."""
-    gains = _scaled(slow.gains, omega_n)
+    gains = _scaled(slow.tuning.gains, omega_n)
     changes = {"controller.kp": gains.kp, "controller.ki": gains.ki}
     return replace(slow, scenario=slow.scenario.changed(changes))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.metrics import columns_of
 from sdt_drake.io.arguments import instance_of
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
@@ -45,30 +45,30 @@ class Tracking(Shown):
         return Summary(f"of {joint_count(n)}; joint side", *table)
 
 
-def track(recording: Recording, motion: Motion) -> Tracking:
-    """Return the tracking errors of a run along a motion.
+def track(recording: Recording, motion: Motion | None = None) -> Tracking:
+    """Return the tracking errors of a run, against its planned motion.
 
         >>> import sdt_drake as sdt
         >>> scenario = sdt.load("package://sdt/scenarios/axis_pi.yaml")
         >>> short = sdt.Motion.from_speeds(0.005, [0] * 4, [[0.001 * i] * 4 for i in range(40)])
-        >>> design = sdt.design(scenario, motion=short)
-        >>> print(*sdt.track(sdt.simulate(design), design.motion).max_abs_speed_error.round(4))
-        0.012 0.0128 0.0125 0.012
+        >>> run = sdt.simulate(sdt.design(scenario, motion=short))
+        >>> sdt.track(run).max_abs_speed_error.round(4)
+        array([0.012 , 0.0128, 0.0125, 0.012 ])
 
     Args:
         recording: recording of the run.
-        motion: planned motion of the run.
+        motion: not needed, as the recording has the planned motion; deprecated, goes in 0.7.
 
     Raises:
-        InputError: an argument has another type, or the motion has other samples or joints.
+        InputError: `recording` is no recording.
     """
     instance_of(Recording, "sdt_drake.simulate")(recording, "recording")
-    instance_of(Motion, "sdt_drake.plan, or a design,")(motion, "motion")
-    expected, found = recording.summary().title, motion.summary().title
-    if found != expected:
-        raise InputError(f"{found}, expected that of the recording, {expected}", place="motion")
+    if motion is not None:
+        instance_of(Motion)(motion, "motion")
+        text = "track(run, motion) is track(run), and goes in 0.7"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
     error = recording.speed_error
-    steady = constant_speed_segments(motion)
+    steady = constant_speed_segments(recording.v_ref, recording.time[1] - recording.time[0])
     in_segments = np.where(steady, np.abs(error), -np.inf).max(axis=0)
     return Tracking(
         max_abs_speed_error=np.abs(error).max(axis=0),
@@ -79,10 +79,16 @@ def track(recording: Recording, motion: Motion) -> Tracking:
     )
 
 
-def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
-    """Return the samples at which a joint has moved uniformly for SETTLED_AFTER, (N + 1, n)."""
-    constant = (np.abs(motion.vd) < 1e-9) & (np.abs(motion.v) > 1e-9)
-    needed = round(SETTLED_AFTER / motion.period)
+def constant_speed_segments(v: Array, period: float) -> NDArray[np.bool_]:
+    """Return the samples at which a joint has moved uniformly for SETTLED_AFTER, (N + 1, n).
+
+    Args:
+        v: speed of the joints [rad/s], shape (N + 1, n).
+        period: time between samples [s].
+    """
+    vd = np.diff(v, axis=0, append=v[-1:]) / period
+    constant = (np.abs(vd) < 1e-9) & (np.abs(v) > 1e-9)
+    needed = round(SETTLED_AFTER / period)
     index = np.arange(len(constant))[:, None]
     last_change = np.maximum.accumulate(np.where(constant, -1, index), axis=0)
     return index - last_change > needed

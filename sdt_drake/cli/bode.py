@@ -42,13 +42,13 @@ def run(
     response = sdt.bode(design, time=time)
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
-    echo(f"{chosen.summary().title}: {_verdict(response, design.robot)}")
-    print_joints(design.robot.joint_names, _columns(response))
+    echo(f"{chosen.summary().title}: {_verdict(response, design.device.simulated)}")
+    print_joints(design.device.simulated.joint_names, _columns(response))
     cut = f"the loop is cut at {response.cut}"
     if response.at_positions:
-        cut += f", sampled every {design.motion.period:g} s"
+        cut += f", sampled every {design.reference.tracked.period:g} s"
     echo(f"The response is the link's speed over its reference, without feedforward; {cut}.")
-    times = design.motion.time[response.sample]
+    times = design.reference.tracked.time[response.sample]
     if time is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
         echo(f"Each joint is linearised at rest where its inertia is largest, at {joints} s.")
@@ -61,7 +61,7 @@ def run(
     common.deliver(
         out,
         show,
-        lambda: sdt.plots.bode(title, response, design.robot.joint_names),
+        lambda: sdt.plots.bode(title, response, design.device.simulated.joint_names),
         response.results(title).write,
     )
 

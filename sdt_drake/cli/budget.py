@@ -41,12 +41,12 @@ def run(
     with within(scenario):
         budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}
-    names = design.robot.joint_names
+    names = design.device.simulated.joint_names
     rms = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in signals.items()}
     k = int(rms["whole"].argmax())
     cause = max((name for name in signals if name != "whole"), key=lambda name: float(rms[name][k]))
     echo(
-        f"{design.scenario.name}: the speed error is largest at {design.robot.joint(k)}, "
+        f"{design.scenario.name}: the speed error is largest at {design.device.nominal.joint(k)}, "
         f"{rms['whole'][k]:.2g} rad/s RMS; its largest part is the {cause}, "
         f"{rms[cause][k]:.2g} rad/s"
     )

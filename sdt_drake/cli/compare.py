@@ -54,7 +54,7 @@ def run(
     print_table(*comparison.comparison_rows(compared), keys=2)
     echo("Speeds and positions: joint side. Torques: motor side, in % of the motor's torque limit.")
     for c in compared:
-        for line in stops_passed(c.recording, c.design.robot.joint_names):
+        for line in stops_passed(c.recording, c.design.device.simulated.joint_names):
             echo(f"note: {c.label}: {line}")
     echo()
     header, rows = comparison.felt_rows(compared)

@@ -59,15 +59,15 @@ def run(
     elif scenario is not None:
         raise InputError(f"--scenario: has no effect, since {source} is a scenario")
     design = make_design(load_scenario(source, changed))
-    controller, drives = design.scenario.controller, load_drives(drive, design.nominal.n)
+    controller, drives = design.scenario.controller, load_drives(drive, design.device.nominal.n)
     runs = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
-    period, cycle = design.motion.period, drives.cycle_time
+    period, cycle = design.reference.tracked.period, drives.cycle_time
     worst = max((x for x in runs if x.source in FILES), key=lambda x: float(x.position_error.max()))
     echo(
-        f"{motion}: {design.motion.duration:g} s for drives with a cycle of "
+        f"{motion}: {design.reference.tracked.duration:g} s for drives with a cycle of "
         f"{1e3 * cycle:g} ms, written into {out}; largest position error of a loop that plays the "
         f"files back {np.degrees(worst.position_error.max()):.2g} deg "
-        f"({design.robot.joint(int(worst.position_error.argmax()))}, {worst.source})"
+        f"({design.device.simulated.joint(int(worst.position_error.argmax()))}, {worst.source})"
     )
     if abs(period / cycle - round(period / cycle)) > 1e-6:
         echo(
@@ -110,15 +110,15 @@ def fmu(
     write_fmu(design, out, input)
     echo(f"{out} written: the loop of {scenario} with the {input} as input")
     echo(
-        f"It starts at rest, takes steps in multiples of {1e3 * design.reference.period:g} ms and "
-        "needs a Python with sdt_drake."
+        f"It starts at rest, takes steps in multiples of "
+        f"{1e3 * design.reference.held.period:g} ms and needs a Python with sdt_drake."
     )
 
 
 def _print_read_back(design: Design, runs: Sequence[Playback], cam_points: int) -> None:
     import numpy as np
 
-    scenario, joints = design.scenario, numbered(design.nominal.joint_names)
+    scenario, joints = design.scenario, numbered(design.device.nominal.joint_names)
     echo(
         f"Position errors against the planned motion, if {scenario.controller.label} on the "
         f"{scenario.plant.kind} plant plays each file back:"

@@ -252,7 +252,9 @@ def _step_in(
     from sdt_drake.machine.recordings import load_columns, read_recording
 
     named = load_columns(columns) if columns else None
-    recordings = [read_recording(path, design.robot, named, needs=("q",)) for path in paths]
+    recordings = [
+        read_recording(path, design.device.simulated, named, needs=("q",)) for path in paths
+    ]
     filter_, _ = checked(design)
     state = read_state(folder, design)
     made = update(design, filter_, state, recordings, known)
@@ -269,7 +271,7 @@ def _step_in(
         ("not repeatable, RMS [deg]", ".5f", flight.floor),
     ]
     print_joints(
-        design.robot.joint_names,
+        design.device.simulated.joint_names,
         [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
     )
     for one in made.findings:
@@ -285,6 +287,9 @@ def _check_motion(name: str, design: Design) -> None:
     from sdt_drake.run.design import plan_of
 
     scenario = design.scenario
-    own = plan_of(replace(scenario, motion=name), design.nominal).motion.q
-    if own.shape != design.wanted.q.shape or np.abs(own - design.wanted.q).max() > 1e-6:
+    own = plan_of(replace(scenario, motion=name), design.device.nominal).motion.q
+    if (
+        own.shape != design.reference.planned.q.shape
+        or np.abs(own - design.reference.planned.q).max() > 1e-6
+    ):
         raise InputError(f"--motion {name}: is not the motion of the scenario, {scenario.motion}")

@@ -200,8 +200,8 @@ def _recorded(
         robot=robot,
     )
     design = common.design_of(path, changes, check_head)
-    story = story_of(design.scenario.motion, design.robot, design.motion)
-    return design.scenario.name, sdt.simulate(design), design.robot, story
+    story = story_of(design.scenario.motion, design.device.simulated, design.reference.tracked)
+    return design.scenario.name, sdt.simulate(design), design.device.simulated, story
 
 
 def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> Rows:

@@ -47,15 +47,15 @@ def run(
     if joint is not None and not is_drawn:
         raise InputError("--joint: has no effect without a figure, add --out run.png or --show")
     design = common.design_of(scenario, changes)
-    joints = chosen_joints(joint, design.robot.n, "--joint")
+    joints = chosen_joints(joint, design.device.simulated.n, "--joint")
     recording = sdt.simulate(design)
-    tracking = sdt.track(recording, design.wanted)
+    tracking = sdt.track(recording)
     title = design.scenario.summary().title
-    echo(f"{title}: {_verdict(tracking, design.robot)}")
-    print_joints(design.robot.joint_names, columns_of(vars(tracking)))
+    echo(f"{title}: {_verdict(tracking, design.device.simulated)}")
+    print_joints(design.device.simulated.joint_names, columns_of(vars(tracking)))
     if design.envelope is not None:
         echo(f"torque-speed envelope from {design.envelope.source}")
-    for line in stops_passed(recording, design.robot.joint_names):
+    for line in stops_passed(recording, design.device.simulated.joint_names):
         echo(f"note: {line}")
 
     def write(path: Path) -> None:

@@ -66,7 +66,7 @@ def run(
         sweeps[encoder][label] = stability_sweep(
             design, frequency, encoder=encoder, drive=drives[label], damping_ratio=damping
         )
-    own, names = own_ratio(design, frequency), design.robot.joint_names
+    own, names = own_ratio(design, frequency), design.device.simulated.joint_names
     for place, by_drive in sweeps.items():
         limit = by_drive[label].unstable_from  # of the last drive, the scenario's
         echo(f"{chosen.name}, encoder on the {place}: {_verdict(own, limit, names)}")
@@ -77,7 +77,7 @@ def run(
         for drive, sweep in by_drive.items():
             echo(f"encoder on the {place}, {drive}: damping ratio, and overshoot of the link's")
             echo("speed, over omega_n / omega_r")
-            _print_sweep(sweep, design.robot.joint_names)
+            _print_sweep(sweep, design.device.simulated.joint_names)
             echo()
     for line in _notes(design, frequency):
         echo(line)
@@ -86,7 +86,7 @@ def run(
     common.deliver(
         out,
         show,
-        lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
+        lambda: sdt.plots.stability(title, sweeps, design.device.simulated.joint_names),
         Results(about, _columns(sweeps)).write,
     )
 
@@ -125,14 +125,14 @@ def _omega_r(design: Design, path: str, given: float | None) -> tuple[float, str
     """Return the lowest natural frequency of the structure [rad/s] and its source."""
     if given is not None:
         return given, "--omega-r"
-    if design.omega_r is None:
+    if design.tuning.omega_r is None:
         raise InputError(
             f"--omega-r: missing, expected the lowest natural frequency of the structure [rad/s], "
             f"since {path} has kp and ki but no controller.omega_r"
         )
-    own, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
+    own, factor = design.scenario.controller.omega_r, design.device.nominal.frequency_factor
     times = "" if factor == 1 else f", {own:g}, times {factor:.4g} for the device"
-    return design.omega_r, f"controller.omega_r{times}"
+    return design.tuning.omega_r, f"controller.omega_r{times}"
 
 
 def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
@@ -175,7 +175,7 @@ def _notes(design: Design, omega_r: float) -> list[str]:
     if design.drive.period is not None and stands_alone(design):
         notes.append("The scenario's drive samples with its own period.")
     if hasattr(choice, "position_gain"):
-        notes.append(f"Positions are sampled every {design.motion.period:g} s.")
+        notes.append(f"Positions are sampled every {design.reference.tracked.period:g} s.")
     if choice.feedforward_in_use != "none":
         notes.append("note: the feedforward is left out; it does not affect damping or stability")
     if not plant.friction.is_none:

@@ -51,8 +51,6 @@ def run(
         out: file for the numbers (.csv, .json), or for a figure of the effective inertia (.png,
             .svg, .pdf)
     """
-    from sdt_drake.robot.dynamics import effective_inertia
-
     common.check_out(out, show, RESULT_TABLES)
     is_scenario = common.is_scenario(what)
     given = {"omega_r": omega_r, "zeta": zeta}
@@ -63,21 +61,26 @@ def run(
     else:
         common.refuse_changes(changes, what)
         design = _of_motion(what, robot or common.ROBOT, period, given)
-    numbers = sdt.tune(design)
+    tuning = design.tuning
+    numbers = tuning.numbers
     _print_gains(design, numbers)
     for line in _notes(design, is_scenario, given):
         echo(line)
-    joints = range(1, design.robot.n + 1)
-    columns: dict[str, Any] = {"joint": joints, "name": design.robot.joint_names, **numbers}
-    about = {"title": what, "omega_r": design.omega_r}
+    joints = range(1, design.device.simulated.n + 1)
+    columns: dict[str, Any] = {
+        "joint": joints,
+        "name": design.device.simulated.joint_names,
+        **numbers,
+    }
+    about = {"title": what, "omega_r": design.tuning.omega_r}
     common.deliver(
         out,
         show,
         lambda: sdt.plots.effective_inertia(
             f"{what}: effective inertia, motor side",
-            design.motion.time,
-            effective_inertia(design.robot, design.torques.d_kk),
-            design.robot.joint_names,
+            tuning.motion.time,
+            tuning.i_eff,
+            tuning.model.joint_names,
             table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
         ),
         Results(about, columns).write,
@@ -126,7 +129,7 @@ def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Itera
 
     from sdt_drake.systems.gains import natural_frequency
 
-    omega_r = design.omega_r
+    omega_r = design.tuning.omega_r
     if omega_r is None:
         yield "K_PS and K_IS are kp and ki of the scenario."
         return
@@ -136,7 +139,7 @@ def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Itera
     if design.scenario.controller.zeta is None:
         zeta_from = "default"
     yield f"omega_r = {omega_r:g} rad/s ({omega_r_from}), zeta at the largest inertia ({zeta_from})"
-    fastest = natural_frequency(design.gains, design.inertia.minimum)
+    fastest = natural_frequency(design.tuning.gains, design.tuning.inertia.minimum)
     too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + _TOLERANCE)) + 1
     if len(too_fast):
         joints = ", ".join(map(str, too_fast))
@@ -147,13 +150,13 @@ def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Itera
 
 
 def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
-    omega_r = design.omega_r
+    omega_r = design.tuning.omega_r
     kp, ki = (", ".join(f"{x:.4g}" for x in numbers[name]) for name in ("kp", "ki"))
     echo(f"K_PS = {kp} N m s/rad, K_IS = {ki} N m/rad (motor side, joint by joint)")
     unit = " [rad/s]" if omega_r is None else "/omega_r"
     ends = zip(*(numbers[f"omega_n_{x}"] / (omega_r or 1.0) for x in ("max", "min")), strict=True)
     print_joints(
-        design.robot.joint_names,
+        design.device.simulated.joint_names,
         [
             ("I_eff max", ".5g", numbers["i_eff_max"]),
             ("median", ".5g", numbers["i_eff_median"]),

@@ -156,10 +156,10 @@ def _simulated(
 
     design = common.design_of(path, changes, check)
     with within(path):
-        check_duration(design.motion.duration)
+        check_duration(design.reference.tracked.duration)
     recording = sdt.simulate(design)
-    story = story_of(design.scenario.motion, design.robot, design.motion)
-    return design.scenario.name, design.robot, recording.time, recording.q, story
+    story = story_of(design.scenario.motion, design.device.simulated, design.reference.tracked)
+    return design.scenario.name, design.device.simulated, recording.time, recording.q, story
 
 
 def _angles(path: Path, robot: RobotModel) -> tuple[Array, Array]:

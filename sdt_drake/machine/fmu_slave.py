@@ -70,13 +70,15 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self._problem = ""
         self._scenario = load_scenario(folder / SCENARIO)
         self._design = design = make_design(self._scenario)
-        self._names, n = _INPUTS[self._given], design.robot.n
+        self._names, n = _INPUTS[self._given], design.device.simulated.n
         name = "".join(c if c.isalnum() else "_" for c in design.scenario.name)
         self.modelName = f"sdt_{name}"
         self.description = f"{design.scenario.name}: the loop of sdt_drake {here}"
-        self.default_experiment = DefaultExperiment(0.0, design.motion.duration, self._period)
+        self.default_experiment = DefaultExperiment(
+            0.0, design.reference.tracked.duration, self._period
+        )
 
-        first = design.motion.q[0]
+        first = design.reference.tracked.q[0]
         friction = friction_parameters(self._scenario.plant.friction, n)
         self._parameters = {
             "payload_mass": np.array([self._scenario.plant.deviation.payload_mass]),
@@ -87,7 +89,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         start = {"q_ref": first, "v_ref": np.zeros(n), "vd_ref": np.zeros(n)}
         self._inputs = {name: np.array(start.get(name, np.zeros(n))) for name in self._names}
         self._outputs = {name: np.zeros(n) for name in ("q", "v", "tau")}
-        if has_head(design.robot):
+        if has_head(design.device.simulated):
             self._outputs |= {"specific_force": np.zeros(3), "angular_rate": np.zeros(3)}
         fixed = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
         self._register(self._parameters, **fixed)
@@ -110,7 +112,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     @property
     def _period(self) -> float:
-        return self._design.reference.period
+        return self._design.reference.held.period
 
     # --- called by the other simulator -----------------------------------------------------------
 
@@ -140,7 +142,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             "plant.deviation.payload_mass": parameters["payload_mass"][0],
             "plant.friction": _changed(friction, b, f_c),
         }
-        design = make_design(self._scenario.changed(changes), motion=self._design.wanted)
+        design = make_design(self._scenario.changed(changes), motion=self._design.reference.planned)
         self._loop = open_loop(design, self._given)
         self._simulator = make_simulator(
             self._loop.diagram, period=self._period, accuracy=design.scenario.accuracy
@@ -180,7 +182,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         return np.array(self._loop.diagram.GetOutputPort(name).Eval(self._context))
 
     def _read(self) -> None:
-        n, outputs = self._design.robot.n, self._outputs
+        n, outputs = self._design.device.simulated.n, self._outputs
         outputs["q"][:], outputs["v"][:] = np.split(self._signal("measured"), 2)
         outputs["tau"][:] = self._signal("tau")
         if "specific_force" not in outputs:
@@ -189,6 +191,8 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         device = self._loop.diagram.GetSubsystemByName("device")  # the plant's state is its first
         own = device.GetMyContextFromRoot(self._context)
         rates = device.EvalTimeDerivatives(own).CopyToVector()
-        head = head_motion(self._loop.design.robot, *(x[None] for x in (q, v, rates[n : 2 * n])))
+        head = head_motion(
+            self._loop.design.device.simulated, *(x[None] for x in (q, v, rates[n : 2 * n]))
+        )
         outputs["specific_force"][:] = head.specific_force[0]
         outputs["angular_rate"][:] = head.angular_velocity[0]

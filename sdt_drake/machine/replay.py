@@ -78,7 +78,7 @@ class Replay(Shown):
             for name, share in shares.items()
         }
         title = f"of {self.recorded.path.name}, explained by {self.design.scenario.summary().title}"
-        return of_joints(title, columns, self.design.robot.joint_names)
+        return of_joints(title, columns, self.design.device.simulated.joint_names)
 
     def plot(self) -> Figure:
         """Return a figure of recorded and simulated errors and torques."""
@@ -147,7 +147,7 @@ class Replay(Shown):
         """Write a CSV of time and, for each joint, every quantity recorded and simulated [SI]."""
         columns = {f"{name}_recorded": values for name, values in self.measured.items()}
         columns |= {f"{name}_simulated": self.courses[AS_IT_IS][name] for name in self.measured}
-        write_table(path, self.design.motion.time, columns)
+        write_table(path, self.design.reference.tracked.time, columns)
 
 
 # --- the simulations -------------------------------------------------------------------------
@@ -228,7 +228,7 @@ def replay(
 
 def _samples(recorded: Recorded, design: Design) -> dict[str, Array]:
     """Return the recorded signals at the samples of the motion; torques motor side."""
-    motion, ratio = design.motion, design.robot.gear_ratio
+    motion, ratio = design.reference.tracked, design.device.simulated.gear_ratio
     clock = motion.time + recorded.time[0]
     at = {name: interpolated(clock, recorded.time, x) for name, x in recorded.signals.items()}
     if "q" in at and "v" not in at:
@@ -280,10 +280,12 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signa
     if extra is not None:
         builder = DiagramBuilder()
         builder.AddNamedSystem("loop", loop.diagram)
-        load = builder.AddNamedSystem("extra_load", sample_source(design.reference.time, extra))
+        load = builder.AddNamedSystem(
+            "extra_load", sample_source(design.reference.held.time, extra)
+        )
         builder.Connect(load.get_output_port(), loop.GetInputPort("extra_load_torque"))
         diagram = builder.Build()
-    run, motion = simulate(loop, diagram), design.motion
+    run, motion = simulate(loop, diagram), design.reference.tracked
     q = run.q if of_links else cast(Array, run.q_measured)
     v = run.v if of_links else cast(Array, run.v_measured)
     q_error = q - motion.q

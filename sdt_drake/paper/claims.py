@@ -160,7 +160,7 @@ def _table1(results: Reproduction) -> Iterator[_Found]:
 
 
 def _frequencies(results: Reproduction) -> Iterator[_Found]:
-    gains, inertia = results.design.gains, results.design.inertia
+    gains, inertia = results.design.tuning.gains, results.design.tuning.inertia
     at_max = inertia.maximum
     ratio = oscillation_frequency(gains, at_max)[0] / natural_frequency(gains, at_max)[0]
     printed = OMEGA_0_OVER_OMEGA_N
@@ -177,7 +177,9 @@ def _algorithm1(results: Reproduction) -> Iterator[_Found]:
     design = {sign: results.axis("pi", sign).design for sign in ("printed", "consistent")}
     miss = {}
     for sign, of in design.items():
-        split = of.robot.gear_ratio * (of.loads.load_torque - of.loads.alleviating_torque)
+        split = of.device.simulated.gear_ratio * (
+            of.loads.load_torque - of.loads.alleviating_torque
+        )
         miss[sign] = np.abs(split - design["printed"].torques.coupled)
     worst = {sign: float(values.max()) for sign, values in miss.items()}
     third = np.maximum(*miss.values()) > 1e-6
@@ -186,7 +188,7 @@ def _algorithm1(results: Reproduction) -> Iterator[_Found]:
     computed = worst | {"share_of_samples": share.tolist()}
     numbers = {"moving": ", ".join(f"{100 * s:.1f}" for s in share_moving)}
     yield _Found("algorithm1_split", computed, worst["printed"] < 1e-6, numbers=numbers)
-    helps = design["printed"].loads.alleviating_torque * design["printed"].motion.vd >= 0
+    helps = design["printed"].loads.alleviating_torque * design["printed"].reference.tracked.vd >= 0
     yield _Found("alleviating_sign", bool(helps.all()), bool(helps.all()))
 
 
@@ -311,7 +313,7 @@ def _jump_before_peak(run: Compared, joint: int) -> tuple[float, float]:
     Returns:
         Change of the load torque within one period [N m], and its lead over the error [s].
     """
-    period = run.design.motion.period
+    period = run.design.reference.tracked.period
     peak = int(np.argmax(np.abs(run.recording.speed_error[:, joint])))
     start = max(peak - round(0.1 / period), 0)
     changes = np.abs(np.diff(run.recording.load_torque[start : peak + 1, joint]))

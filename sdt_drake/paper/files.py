@@ -66,7 +66,7 @@ def _write(
     content = summary(results, claims)
     write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")
     with watch.stage("3D recording and report"):
-        robot, motion = results.design.robot, results.design.motion
+        robot, motion = results.design.device.simulated, results.design.reference.tracked
         record_html(robot, motion.time, motion.q, folder / RECORDING, title="Reference motion")
         write_report(folder)
     return content
@@ -74,7 +74,11 @@ def _write(
 
 def write_reference_motion(results: Reproduction, path: Path) -> None:
     """Write the reference motion with torque groups (joint side) and loads (motor side)."""
-    design, motion, groups = results.design, results.design.motion, results.design.torques
+    design, motion, groups = (
+        results.design,
+        results.design.reference.tracked,
+        results.design.torques,
+    )
     columns = {
         "q_ref": motion.q,
         "v_ref": motion.v,
@@ -85,14 +89,14 @@ def write_reference_motion(results: Reproduction, path: Path) -> None:
         "tau_gravity": groups.gravity,
         "tau_coupled": groups.coupled,
         **design.loads._asdict(),
-        "i_eff": effective_inertia(design.robot, groups.d_kk),
+        "i_eff": effective_inertia(design.device.simulated, groups.d_kk),
     }
     write_table(path, motion.time, columns)
 
 
 def figures(results: Reproduction) -> dict[str, Figure]:
     """Draw the figures of the paper's runs, by file name."""
-    motion, names = results.design.motion, results.design.robot.joint_names
+    motion, names = results.design.reference.tracked, results.design.device.simulated.joint_names
     axis, coupled = (
         {name: of(name).recording for name in ("pi", "pi_ctc")}
         for of in (results.axis, results.coupled)
@@ -122,7 +126,7 @@ def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
         for structure, step in results.steps.items()
     }
     pi, pi_ctc = (results.coupled(name).head.achieved for name in ("pi", "pi_ctc"))
-    apart = felt_difference(pi_ctc, pi, results.design.motion.period)
+    apart = felt_difference(pi_ctc, pi, results.design.reference.tracked.period)
     content = {
         "table1": table1_rows(results.design),
         "step_response": {**steps, "published": FIGURE4},

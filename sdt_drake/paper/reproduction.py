@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sdt_drake.analysis import tuning
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.step import StepResponse, step_metrics
 from sdt_drake.io.arguments import finite_number
@@ -163,8 +162,8 @@ _TABLE1 = (
 
 def table1_rows(design: Design) -> list[dict[str, Any]]:
     """Return Table 1 from the SDF and the motion: a row for each joint, with the published one."""
-    found, rows = tuning.tune(design), []
-    for k in range(design.robot.n):
+    found, rows = design.tuning.numbers, []
+    for k in range(design.device.simulated.n):
         computed = {name: float(found[name][k]) for name in _TABLE1}
         published = {x: table1(x)[k] if x in TABLE1 else None for x in _TABLE1}
         rows.append({"joint": k + 1, **computed, "published": {"joint": k + 1, **published}})

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,95 +33,130 @@ from sdt_drake.run.plant import (
     check_poles,
     check_reference,
     springs_along,
-    steady,
     torques_along,
 )
-from sdt_drake.run.reference import drive_on_clock, held_reference, taught_reference
+from sdt_drake.run.reference import Reference, drive_on_clock, reference_of
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.tuning import Feedforward, FeedforwardLaw, feedforward_of, gains_of, law_along
-from sdt_drake.systems.gains import SpeedGains, natural_frequency
+from sdt_drake.run.tuning import Feedforward, Tuning, tuning_of
 from sdt_drake.systems.state_space import LinearModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@dataclass(frozen=True, eq=False)
+class Device:
+    """The robot as it is planned for, as it is simulated, and as the controller knows it."""
+
+    nominal: Robot
+    """Robot of the file with the chosen motors, without deviations. The planner uses it."""
+    simulated: Robot
+    """Robot with the plant's deviations; `nominal` itself if nothing deviates."""
+    model: Robot
+    """The controller's model of the robot; `nominal` itself if the model is exact."""
+
+    @staticmethod
+    def of(scenario: Scenario, nominal: Robot) -> Device:
+        """Return the device of a scenario.
+
+        Raises:
+            InputError: naming the deviation that does not fit the robot.
+        """
+        return Device(
+            nominal,
+            simulated=deviated(nominal, scenario.plant.deviation, "plant.deviation"),
+            model=deviated(nominal, scenario.controller.model, "controller.model"),
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Shown):
-    """A resolved scenario. Everything else follows from these inputs and is computed on first use.
+    """A resolved scenario: device, reference and tuning, and what the plant needs along the motion.
 
-    `dataclasses.replace` with another input returns a complete design of it. The inputs are checked
-    when the loop is made.
+    All of it follows from these inputs and is computed on first use. `dataclasses.replace` with
+    another input returns a complete design of it. The inputs are checked when the loop is made.
     """
 
     scenario: Scenario
     """The scenario that is resolved."""
     nominal: Robot
-    """The chosen device without deviations; planner and controller use it."""
-    wanted: Motion
-    """The planned motion, feasible for the nominal robot. Errors are measured against it."""
+    """The chosen robot without deviations."""
+    planned: Motion
+    """The planned motion, feasible for the nominal robot."""
     learned: LearnedReference | None = None
     """A learned reference; by default that of the scenario's file, if it names one."""
-    fed: Feedforward | None = None
+    feedforward_override: Feedforward | None = None
     """A torque feedforward that replaces the controller's own; by default the controller's own."""
     assumptions: Assumptions = field(default_factory=Assumptions)
     """Assumptions of an analysis about the device, unlike the scenario."""
 
     def summary(self) -> Summary:
+        tuning = self.tuning
         columns = {
-            "I_eff max [kg m²]": (".5g", self.inertia.maximum),
-            "K_PS [N m s/rad]": (".4g", self.gains.kp),
-            "K_IS [N m/rad]": (".4g", self.gains.ki),
-            "omega_n [rad/s]": (".4g", self.omega_n),
+            "I_eff max [kg m²]": (".5g", tuning.inertia.maximum),
+            "K_PS [N m s/rad]": (".4g", tuning.gains.kp),
+            "K_IS [N m/rad]": (".4g", tuning.gains.ki),
+            "omega_n [rad/s]": (".4g", tuning.omega_n),
         }
-        title = f"{self.scenario.summary().title}; {self.motion.in_time}; motor side"
+        title = f"{self.scenario.summary().title}; {tuning.motion.in_time}; motor side"
         if self.envelope is not None:
             title += f"; torque-speed envelope of {self.envelope.source}"
-        return of_joints(title, columns, self.robot.joint_names)
+        return of_joints(title, columns, self.nominal.joint_names)
 
     def plot(self) -> Figure:
         """Return a figure of the effective inertia along the motion, motor side."""
-        robot, title = self.robot, f"{self.scenario.name}: effective inertia, motor side"
-        i_eff = effective_inertia(robot, self.torques.d_kk)
-        draw = higher("show.figures.runs:effective_inertia")
-        return draw(title, self.motion.time, i_eff, robot.joint_names)
+        return self.tuning.plot()
 
     def linear(self, sample: int = 0) -> LinearModel:
         """Return the closed loop linearised at rest at a sample; see `sdt_drake.linear`."""
         return higher("analysis.linear:linear")(self, sample)
 
-    # --- plant -------------------------------------------------------------------------------
+    # --- device, reference and tuning ------------------------------------------------------------
 
     @cached_property
-    def robot(self) -> Robot:
-        """The simulated robot: `nominal` with the plant's deviations."""
-        return deviated(self.nominal, self.scenario.plant.deviation, "plant.deviation")
+    def device(self) -> Device:
+        """The robot: nominal, simulated, and the controller's model."""
+        return Device.of(self.scenario, self.nominal)
+
+    @cached_property
+    def reference(self) -> Reference:
+        """The planned motion, the one that is tracked, and the one that the loop holds."""
+        return reference_of(self.scenario, self.nominal, self.planned, self.learned)
+
+    @cached_property
+    def tuning(self) -> Tuning:
+        """Gains and feedforward of the controller."""
+        override = self.feedforward_override
+        return tuning_of(self.scenario, self.device.model, self.reference, override)
+
+    # --- what the plant needs along the motion ---------------------------------------------------
 
     @property
-    def loaded_robot(self) -> Robot:
+    def loaded(self) -> Robot:
         """Robot of the load torque: the simulated one on axes, the nominal one if coupled."""
-        return self.robot if self.scenario.plant.kind == "axis" else self.nominal
+        is_axis = self.scenario.plant.kind == "axis"
+        return self.device.simulated if is_axis else self.nominal
 
     @property
     def torques(self) -> TorqueGroups:
-        """Inverse dynamics of the links of `loaded_robot` along the reference, joint side."""
-        return torques_along(self.loaded_robot, self.motion)
+        """Inverse dynamics of the links of `loaded` along the tracked motion, joint side."""
+        return torques_along(self.loaded, self.reference.tracked)
 
     @cached_property
     def loads(self) -> Loads:
         """Loads of each motor by Algorithm 1 with the scenario's sign, motor side."""
-        return self.loads_along(self.motion)
+        return self.loads_along(self.reference.tracked)
 
     def loads_along(self, motion: Motion) -> Loads:
-        """Return the loads of each motor along any motion, as `loads` along the reference."""
-        torques = torques_along(self.loaded_robot, motion)
+        """Return the loads of each motor along any motion, as `loads` along the tracked one."""
+        torques = torques_along(self.loaded, motion)
         ratio, algorithm = self.nominal.gear_ratio, self.scenario.algorithm
         return decouple(torques.inertial, torques.coupled, ratio, algorithm)
 
     @cached_property
     def inertia(self) -> InertiaRange:
-        """Range of the effective inertia along the reference, motor side."""
-        return InertiaRange.of(effective_inertia(self.loaded_robot, self.torques.d_kk))
+        """Range of the effective inertia of `loaded` along the tracked motion, motor side."""
+        return InertiaRange.of(effective_inertia(self.loaded, self.torques.d_kk))
 
     @property
     def i_eff(self) -> Array:
@@ -130,7 +167,7 @@ class Design(Shown):
     @cached_property
     def springs(self) -> Springs | None:
         """Springs of the joints; None if all joints are rigid."""
-        return springs_along(self.scenario, self.nominal, self.motion)
+        return springs_along(self.scenario, self.nominal, self.reference.tracked)
 
     @cached_property
     def friction(self) -> FrictionParameters | None:
@@ -141,7 +178,12 @@ class Design(Shown):
     @property
     def envelope(self) -> Envelope | None:
         """The torque-speed envelope in force, motor side; None without one."""
-        return as_driven(self.robot, self.scenario.drive).envelope
+        return as_driven(self.device.simulated, self.scenario.drive).envelope
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The scenario's drive on the clock of the loop."""
+        return drive_on_clock(self.scenario.drive, self.reference.held)
 
     @property
     def widens_limits(self) -> bool:
@@ -155,116 +197,7 @@ class Design(Shown):
         is_disturbed = self.scenario.disturbance.amplitude > 0
         return self.assumptions.loaded and (self.scenario.plant.kind == "axis" or is_disturbed)
 
-    # --- controller ----------------------------------------------------------------------------
-
-    @property
-    def omega_r(self) -> float | None:
-        """Lowest natural frequency of the device's structure [rad/s]; None if gains are given."""
-        omega_r = self.scenario.controller.omega_r
-        return None if omega_r is None else omega_r * self.nominal.frequency_factor
-
-    @cached_property
-    def model(self) -> Robot:
-        """The controller's model of the robot; `nominal` itself if the model is exact."""
-        return deviated(self.nominal, self.scenario.controller.model, "controller.model")
-
-    @cached_property
-    def _modelled_torques(self) -> TorqueGroups:
-        """Inverse dynamics of the links of `model` along the reference, joint side."""
-        return torques_along(self.model, self.motion)
-
-    @cached_property
-    def _largest_inertia(self) -> Array:
-        """Largest effective inertia of `model` along the reference, motor side [kg m²], (n,)."""
-        return effective_inertia(self.model, self._modelled_torques.d_kk.max(axis=0))
-
-    @cached_property
-    def gains(self) -> SpeedGains:
-        """Gains of the PI speed controllers, motor side, tuned to the model's largest inertia."""
-        return gains_of(self.scenario, self._largest_inertia, self.nominal)
-
-    @cached_property
-    def omega_n(self) -> Array:
-        """Natural frequency of the speed loops at the model's largest inertia [rad/s], (n,)."""
-        return natural_frequency(self.gains, self._largest_inertia)
-
-    @cached_property
-    def inertia_share(self) -> Array:
-        """I_eff of the model over its largest value along the reference [-], shape (N + 1, n)."""
-        i_eff = effective_inertia(self.model, self._modelled_torques.d_kk)
-        return i_eff / self._largest_inertia
-
-    @property
-    def position_gain(self) -> Array:
-        """K_V of the position loops [1/s], shape (n,)."""
-        k_v = getattr(self.scenario.controller, "position_gain", None)
-        return self.omega_n / 4 if k_v is None else np.array(k_v)
-
-    @property
-    def feedforward(self) -> FeedforwardLaw | None:
-        """Law of the controller's own torque feedforward; None without one or if it is replaced."""
-        return None if self.fed is not None else feedforward_of(self.scenario, self.model)
-
-    @cached_property
-    def tau_ff(self) -> Array | None:
-        """Total torque feedforward, motor side [N m], shape (N + 1, n); None without one."""
-        if self.fed is not None:
-            return self.fed.along
-        law, torque = self.feedforward, self.learned_torque
-        if law is None:
-            return torque
-        own = law_along(law, self._modelled_torques, self.motion)
-        return own if torque is None else torque + own
-
-    @cached_property
-    def steady_ff(self) -> Array | float:
-        """Feedforward in steady motion at the initial speed, without learned torque [N m], (n,)."""
-        return self.steady_ff_at(steady(self.motion)) if self.fed is None else self.fed.steady
-
-    def steady_ff_at(self, start: Motion) -> Array | float:
-        """Return the controller's own feedforward in steady motion at a sample [N m], (n,)."""
-        if self.feedforward is None:
-            return 0.0
-        return law_along(self.feedforward, torques_along(self.model, start), start)[0]
-
-    @property
-    def feeds_load_torque(self) -> bool:
-        """True if the feedforward is exactly the load torque of the loop (Figure 6)."""
-        choice = self.scenario.controller
-        has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
-        has_no_more &= self.learned_torque is None
-        is_ctc = choice.feedforward_in_use == "ctc"
-        is_exact = self.feedforward is not None and self.model is self.loaded_robot
-        return is_ctc and has_no_more and is_exact
-
-    # --- reference -----------------------------------------------------------------------------
-
-    @cached_property
-    def _taught(self) -> LearnedReference:
-        """The learned reference in force; the planned motion if nothing was learned."""
-        return taught_reference(self.scenario, self.nominal, self.wanted, self.learned)
-
-    @property
-    def motion(self) -> Motion:
-        """The reference: the planned motion, or the learned one, which is feasible, too."""
-        return self._taught.motion
-
-    @property
-    def learned_torque(self) -> Array | None:
-        """Learned torque, added to the feedforward; motor side [N m], shape (N + 1, n)."""
-        return self._taught.torque
-
-    @cached_property
-    def reference(self) -> Motion:
-        """The motion that the loop holds: `motion` with the held speeds, on the loop's clock."""
-        return held_reference(self.scenario, self.motion)
-
-    @cached_property
-    def drive(self) -> Drive:
-        """The scenario's drive on the clock of the loop."""
-        return drive_on_clock(self.scenario.drive, self.reference)
-
-    # --- other inputs --------------------------------------------------------------------------
+    # --- variants --------------------------------------------------------------------------------
 
     def checked(self) -> Design:
         """Check the inputs and return the design itself.
@@ -275,14 +208,14 @@ class Design(Shown):
         scenario = self.scenario
         check_joints(scenario, _name(scenario), self.nominal.n)
         with within(_name(scenario)):
-            robot, _ = self.robot, self.model
-            if self.learned_torque is not None and scenario.inverse_dynamics != "table":
+            robot, reference = self.device.simulated, self.reference
+            if reference.torque is not None and scenario.inverse_dynamics != "table":
                 raise InputError(
                     "online, expected table, as a learned torque needs", place="inverse_dynamics"
                 )
-            check_reference(scenario, self.nominal, self.motion)
+            check_reference(scenario, self.nominal, reference.tracked)
             slowest = self.i_eff if scenario.plant.kind == "axis" else self.inertia.minimum
-            check_poles(scenario, robot, self.gains, slowest, self.springs)
+            check_poles(scenario, robot, self.tuning.gains, slowest, self.springs)
         return self
 
     def variant(self, scenario: Scenario) -> Design:
@@ -300,7 +233,7 @@ class Design(Shown):
             InputError: if a prescribed motion has other samples or joints than the motion.
         """
         assumptions = replace(self.assumptions, **changes)
-        return replace(self, assumptions=assumptions.checked(self.motion))
+        return replace(self, assumptions=assumptions.checked(self.planned))
 
     def given(self, learned: LearnedReference) -> Design:
         """Return this design with a learned reference.
@@ -319,13 +252,42 @@ class Design(Shown):
         Args:
             tau_ff: torque at the samples of the motion, motor side [N m], shape (N + 1, n).
         """
-        if self.tau_ff is not None:
-            jump = self.tau_ff[0] - self.steady_ff
+        own, motion = self.tuning.feedforward, self.reference.tracked
+        if own.along is not None:
+            jump = own.along[0] - own.steady
         else:
-            links, nominal = torques_along(self.nominal, self.motion), self.nominal
-            motors = nominal.reflected_inertia * self.motion.vd[0]
+            links, nominal = torques_along(self.nominal, motion), self.nominal
+            motors = nominal.reflected_inertia * motion.vd[0]
             jump = (links.inertial[0] + links.reaction[0] + motors) / nominal.gear_ratio
-        return replace(self, fed=Feedforward(tau_ff, tau_ff[0] - jump))
+        return replace(self, feedforward_override=Feedforward(tau_ff, tau_ff[0] - jump))
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return what had this name up to 0.4."""
+            if name not in _OLD_NAMES:
+                raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+            text = f"design.{name} is design.{_OLD_NAMES[name]}, and goes in 0.7"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
+            return attrgetter(_OLD_NAMES[name])(self)
+
+
+_OLD_NAMES = {
+    "robot": "device.simulated",
+    "model": "device.model",
+    "wanted": "reference.planned",
+    "motion": "reference.tracked",
+    "learned_torque": "reference.torque",
+    "gains": "tuning.gains",
+    "omega_n": "tuning.omega_n",
+    "omega_r": "tuning.omega_r",
+    "inertia_share": "tuning.inertia_share",
+    "position_gain": "tuning.position_gain",
+    "tau_ff": "tuning.feedforward.along",
+    "steady_ff": "tuning.feedforward.steady",
+    "fed": "feedforward_override",
+}
+"""Members of a design up to 0.4, and what they are now."""
 
 
 @takes(
@@ -355,7 +317,7 @@ def make_design(
     Examples:
         >>> from sdt_drake.run.scenario import load_scenario
         >>> design = make_design(load_scenario("axis_pi", {"motion": "leans"}))
-        >>> design.gains.kp.tolist()
+        >>> design.tuning.gains.kp.tolist()
         [267.1, 6340.0, 52000.0, 15700.0]
     """
     instance_of(Scenario, "sdt_drake.load")(scenario, "scenario")

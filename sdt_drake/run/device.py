@@ -49,7 +49,12 @@ def make_device(design: Design) -> Diagram:
     """
     if design.assumptions.prescribed_motion is not None:
         return _prescribed(design, *design.assumptions.prescribed_motion)
-    builder, robot, drive, n = DiagramBuilder(), design.robot, design.drive, design.robot.n
+    builder, robot, drive, n = (
+        DiagramBuilder(),
+        design.device.simulated,
+        design.drive,
+        design.device.simulated.n,
+    )
     add, connect, springs = builder.AddNamedSystem, builder.Connect, design.springs
     is_axis = design.scenario.plant.kind == "axis"
 
@@ -122,7 +127,7 @@ NO_LIMIT = 1e9
 
 def make_saturation(design: Design) -> Diagram:
     """Make the torque limits of the motors, without limits if a design assumes so."""
-    robot, limited = design.robot, design.assumptions.limited
+    robot, limited = design.device.simulated, design.assumptions.limited
     envelope = design.envelope if limited else None
     return dynamic_saturation(
         motor_torque_limit=(1.0 if limited else NO_LIMIT) * robot.motor_torque_limit,
@@ -135,9 +140,9 @@ def make_saturation(design: Design) -> Diagram:
 
 def _prescribed(design: Design, q: Array, v: Array) -> Diagram:
     """Make a device whose joints move as prescribed: q [rad], v [rad/s], joint side, (N + 1, n)."""
-    builder, n = DiagramBuilder(), design.robot.n
+    builder, n = DiagramBuilder(), design.device.simulated.n
     # Cubics between the samples, so that the integral of the speed is the position.
-    motion = PiecewisePolynomial.CubicHermite(design.reference.time, q.T, v.T)
+    motion = PiecewisePolynomial.CubicHermite(design.reference.held.time, q.T, v.T)
     joints = builder.AddNamedSystem(
         "prescribed_motion", TrajectorySource(motion, output_derivative_order=1)
     )
@@ -162,7 +167,7 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
     `measured` is sampled if the drives sample, else continuous. With `at_reference` the output
     `sampled_state` has samples at the instants at which the reference arrives, with a delay [s].
     """
-    builder, drive, n = DiagramBuilder(), design.drive, design.robot.n
+    builder, drive, n = DiagramBuilder(), design.drive, design.device.simulated.n
     ideal = PassThrough(2 * n)
     if drive.period is None and not at_reference:
         return ideal
@@ -172,7 +177,7 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
             n=n,
             period=period,
             resolution=drive.encoder_resolution,
-            gear_ratio=design.robot.gear_ratio,
+            gear_ratio=design.device.simulated.gear_ratio,
             offset=offset,
         )
 
@@ -180,7 +185,7 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
     builder.ExportInput(drives.get_input_port(), "state")
     builder.ExportOutput(drives.get_output_port(), "measured")
     if at_reference:
-        period = design.reference.period
+        period = design.reference.held.period
         samples = builder.AddNamedSystem("samples", sampled(period, arrival(delay, period)))
         builder.ConnectInput("state", samples.get_input_port())
         builder.ExportOutput(samples.get_output_port(), "sampled_state")
@@ -231,7 +236,7 @@ def initial_state(design: Design, q: Array | None, v: Array | None) -> Motion | 
     """
     if q is None and v is None:
         return None
-    n, first = design.robot.n, design.motion
+    n, first = design.device.simulated.n, design.reference.tracked
     q = first.q[0] if q is None else q
     v = np.zeros(n) if v is None else v
     for name, values in (("q", q), ("v", v)):
@@ -248,11 +253,11 @@ def equilibrium(design: Design, start: Motion) -> Equilibrium:
         start: a motion of one sample without acceleration.
     """
     q = measured = start.q[0]
-    v, deflection = start.v[0], np.zeros(design.robot.n)
+    v, deflection = start.v[0], np.zeros(design.device.simulated.n)
     if design.springs is not None:
         axes = design.springs.elastic
         for _ in range(N_ITERATIONS):
-            torque = design.robot.gear_ratio * _holding_torque(design, q, start)
+            torque = design.device.simulated.gear_ratio * _holding_torque(design, q, start)
             deflection[axes] = torque[axes] / design.springs.stiffness[axes]
             q = measured if measured_port(design) == "state" else measured - deflection
     tau = _holding_torque(design, q, start)
@@ -263,7 +268,7 @@ def equilibrium(design: Design, start: Motion) -> Equilibrium:
 
 def _holding_torque(design: Design, q: Array, start: Motion) -> Array:
     """Return the torque that keeps joints at angles q at the initial speed, motor side [N m]."""
-    robot, v = design.robot, start.v[0]
+    robot, v = design.device.simulated, start.v[0]
     if design.scenario.plant.kind == "axis":  # its load depends on the reference alone
         load = np.zeros(robot.n)
         if design.assumptions.loaded:
@@ -293,7 +298,7 @@ def set_device(device: System, context: Context, design: Design, at: Equilibrium
     if design.friction is not None and device.HasSubsystemNamed("friction"):
         set_sliding(*inner("friction"), at.v, friction=design.friction)
     if design.drive.torque_bandwidth is not None and device.HasSubsystemNamed("torque_loop"):
-        limit = design.robot.motor_torque_limit
+        limit = design.device.simulated.motor_torque_limit
         set_motor_torque(*inner("torque_loop"), at.tau, motor_torque_limit=limit)
 
 
@@ -308,5 +313,5 @@ def set_encoder(block: System, context: Context, design: Design, at: Equilibrium
                 at.q_measured,
                 at.v,
                 resolution=design.drive.encoder_resolution,
-                gear_ratio=design.robot.gear_ratio,
+                gear_ratio=design.device.simulated.gear_ratio,
             )

@@ -96,7 +96,7 @@ class Loop:
             InputError: if an array has another shape or is not finite.
         """
         design, start = self.design, initial_state(self.design, q, v)
-        at = equilibrium(design, start or steady(design.motion))
+        at = equilibrium(design, start or steady(design.reference.tracked))
 
         def own(name: str) -> tuple[System, Context]:
             block = self.diagram.GetSubsystemByName(name)
@@ -158,7 +158,7 @@ def make_loop(
     """
     design = as_design(design)
     one_of(reference, "reference", ("planned", EXTERNAL))
-    motion, n, is_planned = design.reference, design.robot.n, reference != EXTERNAL
+    motion, n, is_planned = design.reference.held, design.device.simulated.n, reference != EXTERNAL
     delay = design.drive.reference_delay * is_planned
     owner, law = chosen_controller(design, controller)
     adds = law.HasOutputPort("tau_fb")  # else it commands the whole torque
@@ -218,7 +218,9 @@ def make_loop(
         connect(feedforward.GetOutputPort("load_torque"), device.GetInputPort("load_torque"))
     connect(measurable, encoder.get_input_port())
     if meshcat is not None:
-        drawing = robot_drawing(robot=design.robot, meshcat=meshcat, period=design.motion.period)
+        drawing = robot_drawing(
+            robot=design.device.simulated, meshcat=meshcat, period=design.reference.tracked.period
+        )
         connect(state, add("drawing", drawing).get_input_port())
 
     if not is_planned:

@@ -22,7 +22,7 @@ EXTERNAL = "external"
 def chosen_controller(design: Design, controller: System | str | None) -> tuple[type, System]:
     """Return class and system of a loop's controller; a pass-through for an external one."""
     if isinstance(controller, str) and controller == EXTERNAL:
-        return PassThrough, PassThrough(design.robot.n)
+        return PassThrough, PassThrough(design.device.simulated.n)
     if controller is None:
         owner, law = make_controller(design)
     else:
@@ -33,7 +33,7 @@ def chosen_controller(design: Design, controller: System | str | None) -> tuple[
 def checked_controller(design: Design, owner: type, controller: System) -> System:
     """Return a controller after a check of its ports; `owner` is its class."""
     instance_of(System, "calling its class")(controller, "controller")
-    where, n = in_errors(design, owner), design.robot.n
+    where, n = in_errors(design, owner), design.device.simulated.n
     ports = map(controller.get_output_port, range(controller.num_output_ports()))
     outputs = {port.get_name(): port.size() for port in ports}
     if outputs not in ({"tau_cmd": n}, {"tau_fb": n}):

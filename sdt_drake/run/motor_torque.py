@@ -33,8 +33,8 @@ def period_torque(loop: Loop, signals: Mapping[str, Array]) -> dict[str, Array]:
         Columns of a `Recording`, motor side, shape (N + 1, n): tau_peak, tau_rms, tau_mean [N m]
         and saturated, the saturated share of the period [-].
     """
-    steps, period = _steps(loop, signals), loop.design.reference.period
-    mean = mean_torque(steps.metered, loop.design.robot.motor_torque_limit, steps.span)
+    steps, period = _steps(loop, signals), loop.design.reference.held.period
+    mean = mean_torque(steps.metered, loop.design.device.simulated.motor_torque_limit, steps.span)
     middle, half = steps.tau.mean(axis=0), np.diff(steps.tau, axis=0)[0] / 2
     square = mean**2 + half**2 / 3 + (middle - mean) ** 2 / 5  # by Legendre's polynomials
     above, below = steps.tau_cmd - steps.upper, steps.lower - steps.tau_cmd
@@ -124,7 +124,7 @@ def arrived(design: Design, time: Array, margin: float | Array = -_MARGIN) -> In
         time: times [s], shape (...).
         margin: shift of each time [interpolation periods]; negative for just before.
     """
-    periods = (time - design.drive.reference_delay) / design.reference.period
+    periods = (time - design.drive.reference_delay) / design.reference.held.period
     return np.maximum(np.floor(periods + margin).astype(int), 0)
 
 
@@ -147,7 +147,7 @@ def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, A
 
 def motor_limits(design: Design, speed: Array) -> tuple[Array, Array]:
     """Return lower and upper torque limit of the motors alone, motor side [N m], (..., n)."""
-    limit = design.robot.motor_torque_limit
+    limit = design.device.simulated.motor_torque_limit
     if design.envelope is None:
         return -limit, limit
-    return design.envelope.range(limit, design.robot.gear_ratio * speed)
+    return design.envelope.range(limit, design.device.simulated.gear_ratio * speed)

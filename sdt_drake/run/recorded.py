@@ -27,14 +27,14 @@ def add_run_logs(
     torques = {name: signals[name] for name in _TORQUES}
     if design.drive.is_ideal_torque:  # tau is equal, but a block later in each derivative
         torques["tau"] = signals["tau_limited"]
-    limit = design.robot.motor_torque_limit
+    limit = design.device.simulated.motor_torque_limit
     each_step = {"torques": add_meter(builder, motor_torque_limit=limit, **torques)}
     if design.envelope is not None:
         each_step["motor_state"] = signals["motor_state"]
     if not is_planned:
         each_step["reference"] = signals["reference"]
     states = {name: signals[name] for name in ("state", "measured")}
-    sampled = add_logs(builder, states, design.reference.period)
+    sampled = add_logs(builder, states, design.reference.held.period)
     return sampled | add_logs(builder, each_step, None)
 
 
@@ -79,7 +79,7 @@ def update_times(design: Design, delay: float) -> Array:
         design: the design of the loop.
         delay: delay of the reference [s].
     """
-    period = design.drive.period or design.reference.period
+    period = design.drive.period or design.reference.held.period
     late = arrival(delay, period)
     return np.array([0.0, period] if late == 0 else [0.0, late, period])
 
@@ -145,12 +145,16 @@ def after_updates(
     if not D:
         return tau_cmd[1:]  # held until the next update
     before = np.maximum(np.arange(len(held)) - 1, 0)
-    reference = design.reference
+    reference = design.reference.held
     values = {
         "reference": np.hstack([reference.q, reference.v, reference.vd])[held],
         "sampled_state": measured[:-1],
     }
-    jump = np.zeros_like(tau_cmd[1:]) if design.tau_ff is None else design.tau_ff[held]
+    jump = (
+        np.zeros_like(tau_cmd[1:])
+        if design.tuning.feedforward.along is None
+        else design.tuning.feedforward.along[held]
+    )
     for name, gain in D.items():
         jump = jump + values[name] @ gain.T
     return tau_cmd[:-1] + jump - jump[before]

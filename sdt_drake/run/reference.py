@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import within
 from sdt_drake.motion import LearnedReference, Motion, load_learned
 from sdt_drake.robot.device import Drive
@@ -19,22 +20,44 @@ _PERIOD_BITS = 31
 """Bits of a rounded period: 2^22 multiples are exact, and the relative rounding is below 5e-10."""
 
 
-def taught_reference(
-    scenario: Scenario, nominal: Robot, wanted: Motion, given: LearnedReference | None
-) -> LearnedReference:
-    """Return the given learned reference, that of the scenario's file, or the planned motion.
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The reference of a loop: three motions of the joints, and a learned torque."""
+
+    planned: Motion
+    """Planned motion. Errors are measured against it."""
+    tracked: Motion
+    """Motion that the controller tracks: the planned or the learned one."""
+    held: Motion
+    """Tracked motion as the loop holds it: with the held speeds, on the loop's clock."""
+    torque: Array | None
+    """Learned torque, added to the feedforward; motor side [N m], shape (N + 1, n)."""
+
+
+def reference_of(
+    scenario: Scenario, nominal: Robot, planned: Motion, learned: LearnedReference | None
+) -> Reference:
+    """Return the reference of a scenario for a planned motion.
+
+    Args:
+        scenario: gives held speed, drive, torque margin, and by default a learned reference.
+        nominal: the robot that the motion was planned for.
+        planned: the planned motion.
+        learned: a learned reference that replaces that of the scenario.
 
     Raises:
         InputError: if it was learned from another motion, or exceeds a limit.
     """
     robot, margin = as_driven(nominal, scenario.drive), scenario.torque_margin
-    if given is not None:
-        given.check(wanted, robot, torque_margin=margin)
-        return given
-    if not scenario.learned:
-        return LearnedReference(wanted)
-    with within(place="learned"):
-        return load_learned(scenario.learned, wanted, robot, torque_margin=margin)
+    if learned is not None:
+        learned.check(planned, robot, torque_margin=margin)
+    elif scenario.learned:
+        with within(place="learned"):
+            learned = load_learned(scenario.learned, planned, robot, torque_margin=margin)
+    else:
+        learned = LearnedReference(planned)
+    held = held_reference(scenario, learned.motion)
+    return Reference(planned, learned.motion, held, learned.torque)
 
 
 def held_reference(scenario: Scenario, motion: Motion) -> Motion:

@@ -266,7 +266,7 @@ def simulate(
     loop, diagram = _loop_and_diagram(design, diagram)
     design = loop.design
     finite_number(realtime_rate, "realtime_rate", minimum=0)
-    period, accuracy = design.reference.period, design.scenario.accuracy
+    period, accuracy = design.reference.held.period, design.scenario.accuracy
     if design.scenario.plant.kind == "axis":
         accuracy = max(accuracy / AXIS_ACCURACY_FACTOR, MIN_ACCURACY)
     simulator = make_simulator(
@@ -328,7 +328,7 @@ def _run(simulator: Simulator, loop: Loop) -> None:
     # Only the main thread receives Ctrl-C. In other threads, checking for it would take the
     # interpreter's lock at every step, so that runs could not go in parallel.
     interruptible = threading.current_thread() is threading.main_thread()
-    samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
+    samples, period = len(loop.design.reference.tracked.v) - 1, loop.design.reference.held.period
     simulator.AdvancePendingEvents()  # the first row of the log is that after the first update
     if loop.feedthrough is not None:
         for end in with_progress(np.unique(np.linspace(0, samples, N_SLICES + 1, dtype=int))[1:]):
@@ -372,7 +372,11 @@ def _loop_and_diagram(
 def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
     """Return the recording of a run from the logged signals."""
     design = loop.design
-    motion, loads, held = design.wanted, design.loads, arrived(design, design.wanted.time)
+    motion, loads, held = (
+        design.reference.planned,
+        design.loads,
+        arrived(design, design.reference.planned.time),
+    )
     if "reference" in signals:  # an external reference takes the place of the planned motion
         period, time, index = motion.period, signals["step_time"], np.arange(len(motion.v))
         after = np.searchsorted(time, (index + 1e-6) * period) - 1
@@ -399,7 +403,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
 
 def _beyond_stop(design: Design, q: Array) -> Array:
     """Return the angle by which joints exceed their stops [rad]; 0 on the axis plant."""
-    robot = design.robot
+    robot = design.device.simulated
     if design.scenario.plant.kind == "axis":
         return np.zeros_like(q)
     beyond = np.maximum(robot.position_lower - q, q - robot.position_upper)

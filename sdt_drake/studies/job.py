@@ -75,7 +75,7 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
         InputError: if the base scenario cannot be run, a file is missing or cannot be used, or
             the numbers of joints differ.
     """
-    n = make_design(base).robot.n
+    n = make_design(base).nominal.n
     places: dict[str, str] = {}  # of the files outside the package, by name
     contents: dict[str, bytes] = {}
     for field, name in _references(study, base):

@@ -52,12 +52,12 @@ def outcomes_of(
         pause: rest between two runs, motors without current [s].
     """
     run = Compared(design.scenario.controller.label, design, recording)
-    felt = run.head.felt.share if has_head(design.robot) else np.nan
+    felt = run.head.felt.share if has_head(design.device.simulated) else np.nan
     own = (*np.concatenate([run.metrics[name] for name in TRACKING]).tolist(), felt)
     if has_motor_loads(base) and has_motor_loads(design.scenario):
         own += motor_loads(design, recording, commanded, pause)
     # Motor loads that other rows of the study have and this one does not.
-    return own + (np.nan,) * (len(outcome_names(base, design.robot.n)) - len(own))
+    return own + (np.nan,) * (len(outcome_names(base, design.device.simulated.n)) - len(own))
 
 
 # --- motors of a catalogue -----------------------------------------------------------------------
@@ -99,7 +99,7 @@ def motor_loads(
     Raises:
         InputError: for a device with a motor that is not in the catalogue.
     """
-    robot, motion = design.robot, design.motion
+    robot, motion = design.device.simulated, design.reference.tracked
     motors = motors_in_use(design.scenario.device, robot.n)
     mean_square = recording.tau_rms[1:] ** 2
     rated = _each(motors, "rated_torque")

@@ -121,8 +121,8 @@ class Runner:
         recording = simulate(design)
         commanded, pause = plan.commanded.duration, self.study.pause
         outcomes = outcomes_of(self.base, design, recording, commanded, pause)
-        wrong = stops_passed(recording, design.robot.joint_names)
-        if np.isinf(outcomes).any() or np.isnan(outcomes[: design.robot.n]).any():
+        wrong = stops_passed(recording, design.device.simulated.joint_names)
+        if np.isinf(outcomes).any() or np.isnan(outcomes[: design.device.simulated.n]).any():
             wrong = ["the speeds are not finite"]
         return outcomes, recording, "; ".join(wrong)
 

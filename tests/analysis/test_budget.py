@@ -51,7 +51,7 @@ def linear_loop(design, torque_at, v_ref, carried=0.0):
 
     The integral starts with what is carried.
     """
-    kp, ki, inertia = design.gains.kp, design.gains.ki, design.i_eff
+    kp, ki, inertia = design.tuning.gains.kp, design.tuning.gains.ki, design.i_eff
 
     def law(i):
         def derivative(t, state):
@@ -62,15 +62,15 @@ def linear_loop(design, torque_at, v_ref, carried=0.0):
         return derivative
 
     start = np.concatenate([np.zeros(4), carried / ki * np.ones(4)])
-    return rk4(law, start, design.motion.time, 4)[:, :4] / GEAR
+    return rk4(law, start, design.reference.tracked.time, 4)[:, :4] / GEAR
 
 
 def test_each_part_is_the_one_by_hand(budgets):
     design, budget = budgets("axis_pi_ctc", CTC | kind("pi_ctc", feedforward_gain=[0.5] * 4))
-    load, v_ref = design.loads.load_torque, design.motion.v
+    load, v_ref = design.loads.load_torque, design.reference.tracked.v
     # The last sample arrives at its own instant: the reference before it was still in force.
     lag = linear_loop(design, lambda t, i: 0, v_ref) - v_ref
-    carried = 0.5 * design.loads_along(steady(design.motion)).load_torque[0]
+    carried = 0.5 * design.loads_along(steady(design.reference.tracked)).load_torque[0]
     unfed = linear_loop(design, lambda t, i: 0.5 * load[i], 0 * v_ref, carried)
     unknown = linear_loop(design, lambda t, i: 0.05 * np.sin(2 * np.pi * t) * load[i], 0 * v_ref)
     for part, expected in (("reference lag", lag), ("load", unfed), ("disturbance", unknown)):
@@ -101,14 +101,16 @@ def test_what_is_not_linear_lands_in_the_remainder(budgets, name, linear, change
 def test_what_is_not_of_the_scenario_is_refused(budgets):
     design, _ = budgets()
     with pytest.raises(InputError, match="learned: has no part in an error budget"):
-        error_budget(design.given(LearnedReference(design.wanted, 0 * design.wanted.q)))
+        error_budget(
+            design.given(LearnedReference(design.reference.planned, 0 * design.reference.planned.q))
+        )
     with pytest.raises(InputError, match="design: another torque feedforward than"):
-        error_budget(design.with_feedforward(0 * design.wanted.q))
+        error_budget(design.with_feedforward(0 * design.reference.planned.q))
 
 
 def test_saturation_is_a_part(designed):
     """axis_pi as printed, from 8.9 to 9.6 s: motor 2 saturates."""
-    reference, i = designed("axis_pi").motion, round(8.9 / PERIOD)
+    reference, i = designed("axis_pi").reference.tracked, round(8.9 / PERIOD)
     motion = Motion.from_speeds(PERIOD, reference.q[i], reference.v[i : i + 141])
     design = designed("axis_pi", motion=motion)
     recording, budget = simulate(design), error_budget(design)

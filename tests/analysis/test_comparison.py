@@ -51,7 +51,7 @@ def metrics(c):
     return np.array([
         np.abs(run.v - run.v_ref).max(axis=0),
         np.sqrt(np.mean((run.v - run.v_ref) ** 2, axis=0)),
-        track(run, c.design.motion).constant_speed_error,
+        track(run).constant_speed_error,
         np.rad2deg(np.abs(run.q - run.q_ref).max(axis=0)),
         100 * np.sqrt(np.mean(run.tau_rms[1:] ** 2, axis=0)) / limit,
         100 * run.tau_peak.max(axis=0) / limit,
@@ -81,8 +81,8 @@ def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
 
 
 def test_what_was_learned_is_compared_and_another_feedforward_is_refused(design):
-    torque = np.full(design.wanted.q.shape, 50.0)
-    learned = design.given(LearnedReference(design.wanted, torque))
+    torque = np.full(design.reference.planned.q.shape, 50.0)
+    learned = design.given(LearnedReference(design.reference.planned, torque))
     for run in compare(learned, ["pi", "inverse_dynamics"]):
         assert run.design.learned is learned.learned
         plain, alone = (design_with(x, run.label) for x in (design, learned))

@@ -88,7 +88,7 @@ def matrices(robot, q):
 def linearised_feedback(design, sample, zeta, T):
     """The coupled plant under M (2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + K q, all of
     it sampled and held: its map of [q, v] over a period, and what q_ref and v_ref add."""
-    M, K = matrices(design.robot, design.motion.q[sample])
+    M, K = matrices(design.device.simulated, design.reference.tracked.q[sample])
     omega_n, one, zero = OMEGA_R / 2, np.eye(4), np.zeros((4, 4))
     A, B = held(
         np.block([[zero, one], [-np.linalg.solve(M, K), zero]]),

@@ -14,7 +14,7 @@ REST = Motion.from_speeds(0.005, np.zeros(4), np.zeros((401, 4)))
 
 def formula(design, joint):
     k = joint - 1
-    return Formula(design.i_eff[k], design.gains.kp[k], design.gains.ki[k])
+    return Formula(design.i_eff[k], design.tuning.gains.kp[k], design.tuning.gains.ki[k])
 
 
 # --- the axis, by formulas --------------------------------------------------------------------
@@ -34,10 +34,10 @@ def test_a_step_of_the_reference_of_an_axis_follows_the_formula(designed, weight
     )
     assert abs(m.steady_state_error) < 1e-4 * size
     if weight == 0:  # a ramp of the position is followed with 2 zeta / omega_n
-        lag = design.gains.kp[k] / design.gains.ki[k]
+        lag = design.tuning.gains.kp[k] / design.tuning.gains.ki[k]
         assert found.position_error[-1, k] == pytest.approx(-size * lag, rel=1e-4)
     assert found.tau_cmd[0, k] == pytest.approx(  # at once, of the proportional gain
-        design.gains.kp[k] * design.robot.gear_ratio[k] * size * weight, abs=1e-12
+        design.tuning.gains.kp[k] * design.device.simulated.gear_ratio[k] * size * weight, abs=1e-12
     )
 
 
@@ -45,7 +45,7 @@ def test_a_step_of_the_reference_of_an_axis_follows_the_formula(designed, weight
 def test_a_step_of_the_load_of_an_axis_is_carried_by_the_integral(designed, joint):
     """Neither speed error nor torque is left; the angle is the load over K_IS."""
     design = designed("axis_pi", motion=REST)
-    k, load, r = joint - 1, 20.0, design.robot.gear_ratio[joint - 1]
+    k, load, r = joint - 1, 20.0, design.device.simulated.gear_ratio[joint - 1]
     found = sdt.step(design, input="extra_load_torque", joint=joint, size=load, duration=0.6)
     axis = formula(design, joint)
     speed = load * axis.load_step(found.time) / r
@@ -55,7 +55,7 @@ def test_a_step_of_the_load_of_an_axis_is_carried_by_the_integral(designed, join
     m = found.metrics
     assert abs(m["v"][k].steady_state_error) < 1e-6
     assert m["position_error"][k].steady_state_error == pytest.approx(
-        -load / (design.gains.ki[k] * r), rel=1e-5
+        -load / (design.tuning.gains.ki[k] * r), rel=1e-5
     )
     assert m["tau"][k].overshoot_percent == pytest.approx(axis.overshoot_percent(1), abs=2e-3)
 
@@ -94,7 +94,7 @@ def test_stiffness_is_that_of_the_integral_and_position_loops_leave_no_error(des
     load = {"input": "extra_load_torque", "joint": 4, "size": 50.0, "duration": 0.8}
     pi = designed("coupled_pi", motion=REST)
     soft = sdt.step(pi, **load).metrics["position_error"][3]
-    assert soft.steady_state_error == pytest.approx(-50.0 / pi.gains.ki[3], rel=2e-3)
+    assert soft.steady_state_error == pytest.approx(-50.0 / pi.tuning.gains.ki[3], rel=2e-3)
     hard = sdt.step(designed("coupled_pi", {"controller.kind": "p_pi"}, motion=REST), **load)
     assert abs(hard.metrics["position_error"][3].steady_state_error) < 1e-2 * abs(
         soft.steady_state_error
@@ -143,7 +143,7 @@ def test_a_step_is_shown_and_limits_that_cut_it_are_named(designed):
     assert default.time[-1] == pytest.approx(0.1)
     small = sdt.step(design, input="tau_cmd")
     assert small.size == pytest.approx(20.32)
-    assert small.time[-1] == pytest.approx(50 / design.omega_n.min(), abs=0.005)
+    assert small.time[-1] == pytest.approx(50 / design.tuning.omega_n.min(), abs=0.005)
 
 
 WRONG = {

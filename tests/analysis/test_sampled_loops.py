@@ -33,7 +33,7 @@ def test_an_axis_in_a_cascade_is_its_map_between_samples(designed, drive):
     omega = response.omega
     assert response.at_positions and omega[-1] == pytest.approx(np.pi / T)
     for k, inertia in enumerate(design.i_eff):
-        gains = design.gains.kp[[[k]]], design.gains.ki[[[k]]]
+        gains = design.tuning.gains.kp[[[k]]], design.tuning.gains.ki[[[k]]]
         motor = np.array([[0.0, 1], [0, 0]]), np.array([[0], [1 / inertia]])
         A, B = cascade_map(*motor, np.array([[0.0, 1]]), gains, T, drive)
         by_hand = control.ss(A, B, np.eye(2, 3), 0, T)
@@ -66,7 +66,7 @@ def test_a_simulated_answer_is_that_of_the_linear_model(designed, k_v, drive):
     frequencies = control.damp(model.to_control(), doprint=False)[0]
     np.testing.assert_allclose(np.sort(np.abs(model.modes())), np.sort(frequencies), rtol=1e-6)
     x, expected = np.zeros(len(model.A)), []
-    for _ in design.motion.time:
+    for _ in design.reference.tracked.time:
         expected.append(model.C[:4] @ x)
         x = model.A @ x - model.B[:, 12:] @ load  # beside tau_ff
     answer = run(load) - run(0 * load)

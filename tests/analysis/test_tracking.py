@@ -42,7 +42,7 @@ MOTION = make_motion(
 @given(GENERATORS)
 def test_errors_are_those_of_speeds_and_of_positions_apart(rng):
     off_v, off_q = rng.normal(size=(2, *MOTION.v.shape)) * rng.integers(0, 2, (2, 1, 5))
-    tracking = track(recorded(MOTION, v=MOTION.v + off_v, q=MOTION.q + off_q), MOTION)
+    tracking = track(recorded(MOTION, v=MOTION.v + off_v, q=MOTION.q + off_q))
     np.testing.assert_allclose(tracking.max_abs_speed_error, np.abs(off_v).max(axis=0))
     rms = np.linalg.norm(off_v, axis=0) / np.sqrt(len(off_v))
     np.testing.assert_allclose(tracking.rms_speed_error, rms)
@@ -58,7 +58,7 @@ def test_saturated_fraction_is_the_share_of_the_time():
     saturated = np.zeros_like(MOTION.v)
     saturated[1:151, 0] = 0.5  # half of a quarter of the periods
     saturated[:, 1] = 1.0
-    tracking = track(recorded(MOTION, saturated=saturated), MOTION)
+    tracking = track(recorded(MOTION, saturated=saturated))
     np.testing.assert_allclose(tracking.saturated_fraction, [0.125, 1, 0, 0, 0])
 
 

@@ -45,7 +45,12 @@ EXACT = 12.0  # s
 
 def make_floor(design: Design) -> Diagram:
     """PI + CTC on the MultibodyPlant from Drake's primitives alone, constant limits."""
-    robot, motion, gains, n = design.robot, design.motion, design.gains, design.robot.n
+    robot, motion, gains, n = (
+        design.device.simulated,
+        design.reference.tracked,
+        design.tuning.gains,
+        design.device.simulated.n,
+    )
     limit, ratio = robot.motor_torque_limit, robot.gear_ratio
     builder = DiagramBuilder()
 
@@ -107,7 +112,7 @@ def loops_of_all() -> tuple[Design, dict[str, Loop | Diagram]]:
 def main(rounds: int = 9) -> dict[str, float]:
     """Print the table, and return the times as ratios to the floor."""
     design, loops = loops_of_all()
-    motion, accuracy = design.motion, design.scenario.accuracy
+    motion, accuracy = design.reference.tracked, design.scenario.accuracy
     times, last = {name: [] for name in loops}, {}
     for _ in range(rounds + 1):
         for name, loop in loops.items():

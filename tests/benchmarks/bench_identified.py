@@ -56,7 +56,7 @@ def recorded_of(design, run, seed=0):
     """What encoders and drives tell, with noise on the torque, joint side."""
     rng, signals = np.random.default_rng(seed), {"q": run.q_measured}
     for name in ("tau", "tau_mean"):
-        torque = getattr(run, name) * design.robot.gear_ratio
+        torque = getattr(run, name) * design.device.simulated.gear_ratio
         size = NOISE * np.sqrt(np.mean(torque**2, axis=0))
         signals[name] = torque + size * rng.normal(size=torque.shape)
     return Recorded(Path("truth.csv"), run.time, signals)
@@ -71,7 +71,7 @@ def inside(nominal, design, run, seeds):
     links, friction = [], []
     for seed in range(seeds):
         found = identify(nominal, [recorded_of(design, run, seed)])
-        beta = found.unknown.base.combination @ rigid_parameters(design.robot)
+        beta = found.unknown.base.combination @ rigid_parameters(design.device.simulated)
         std = np.sqrt(np.diagonal(found.estimate.covariance))[: len(beta)]
         links.append(np.abs(found.estimate.beta - beta) < 1.96 * std)
         files = plant_friction(found)

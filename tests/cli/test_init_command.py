@@ -80,10 +80,10 @@ def test_files_of_a_robot_of_ones_own_fit_it_and_run(good, desk, monkeypatch, na
     monkeypatch.chdir(desk / "mine")
     mine = load_robot(name)
     design = make_design(load_scenario("scenario.yaml"))
-    assert design.robot.joint_names == mine.joint_names
-    n1 = design.robot.envelope.n1 / mine.gear_ratio
+    assert design.device.simulated.joint_names == mine.joint_names
+    n1 = design.device.simulated.envelope.n1 / mine.gear_ratio
     np.testing.assert_allclose(n1, mine.velocity_limit, rtol=1e-4)
-    assert np.degrees(np.abs(simulate(design).q - design.motion.q)).max() < 0.2
+    assert np.degrees(np.abs(simulate(design).q - design.reference.tracked.q)).max() < 0.2
     assert frequency_response(design).stable.all()
     # The planned motion is the commanded one, within 40 % of the speeds and 70 % of the torques.
     plan = load_plan("motion.yaml", mine)

@@ -221,7 +221,7 @@ def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
         for name in ("TargetPosition", "VelocityOffset", "TorqueOffset")
     }
     first = read_csv(tmp_path / "set_points.csv", drives)
-    weight = torque_groups(robot, design.motion.q[:1], 0 * v[:1], 0 * v[:1]).gravity[0]
+    weight = torque_groups(robot, design.reference.tracked.q[:1], 0 * v[:1], 0 * v[:1]).gravity[0]
     assert said["TargetPosition"] == first.position[0].tolist()
     assert said["VelocityOffset"] == [0] * 4 and first.speed[0].any()
     np.testing.assert_allclose(said["TorqueOffset"], 1000 * weight / (R * RATED), atol=0.51)
@@ -277,7 +277,11 @@ def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, 
     design = design.given(LearnedReference(beside, torque if has_torque else None))
     drives = drives_with(0.005)
     exported = write_files(design, drives, tmp_path, cam_points=50, title="x")
-    fed = np.zeros_like(torque) if design.tau_ff is None else design.tau_ff
+    fed = (
+        np.zeros_like(torque)
+        if design.tuning.feedforward.along is None
+        else design.tuning.feedforward.along
+    )
     np.testing.assert_array_equal(fed, torque * has_torque if kind == "p_pi" else fed)
     told = read_csv(tmp_path / "set_points.csv", drives).torque
     np.testing.assert_allclose(told, 1000 * fed / RATED, atol=0.51)

@@ -79,14 +79,14 @@ def by_reference(designed, tmp_path_factory):
 def test_ten_seconds_are_those_of_the_direct_run(by_reference):
     """Times of samples that are added up in place of multiplied are off late in the motion."""
     design, path = by_reference
-    motion, direct = design.reference, simulate(design)
+    motion, direct = design.reference.held, simulate(design)
     with running(path) as fmu:
         fmu.begin()
         for i in range(2001):
             np.testing.assert_allclose(fmu.get("v"), direct.v[i], atol=1e-9)
             if i == 1500:
                 q, v = direct.q[i : i + 1], direct.v[i : i + 1]
-                rate = head_motion(design.robot, q, v, 0 * v).angular_velocity[0]
+                rate = head_motion(design.device.simulated, q, v, 0 * v).angular_velocity[0]
                 np.testing.assert_allclose(fmu.get("angular_rate"), rate, atol=1e-9)
             for name, values in (("q_ref", motion.q), ("v_ref", motion.v), ("vd_ref", motion.vd)):
                 fmu.put(name, values[i])

@@ -66,8 +66,10 @@ def test_the_loop_answers_a_pulse_as_its_linear_model_says(cascade, label, field
     """Of joints 1 and 2 at rest, against the simulation, with what they do to the others."""
     fields = {"accuracy": 1e-7, **(fields or {})}
     base = cascade(label, fields, end=0.4)
-    period, count = base.motion.period, len(base.motion.q)
-    still = Motion.from_speeds(period, base.motion.q[0], np.zeros_like(base.motion.q))
+    period, count = base.reference.tracked.period, len(base.reference.tracked.q)
+    still = Motion.from_speeds(
+        period, base.reference.tracked.q[0], np.zeros_like(base.reference.tracked.q)
+    )
     design = make_design(base.scenario, robot=base.nominal, motion=still)
     pulse = np.zeros((count, 4))
     pulse[4:34, :2] = (1 - np.cos(np.linspace(0, 2 * np.pi, 30)))[:, None] / [67.2, 1.0]
@@ -97,12 +99,12 @@ def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
     design = cascade()
     loops = loops_of(design, "reference")
     filter_ = design_filter(design, loops, "reference")
-    time = np.arange(4000) * design.motion.period
+    time = np.arange(4000) * design.reference.tracked.period
     bell = np.exp(-(((time - 10) / 0.6) ** 2))[:, None] * np.ones(4)
     slow, fast = (bell * np.sin(2 * np.pi * f * time)[:, None] for f in (1.0, 40.0))
 
     def flown(learned):
-        omega = 2 * np.pi * np.fft.rfftfreq(len(time), design.motion.period)
+        omega = 2 * np.pi * np.fft.rfftfreq(len(time), design.reference.tracked.period)
         spectrum = np.fft.rfft(learned, axis=0)
         for k, inverse in enumerate(filter_.inverse.T):
             spectrum[:, k] *= 0.7 / np.interp(omega, filter_.omega, inverse)
@@ -158,22 +160,31 @@ def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
     """Inverse dynamics, friction and disturbance of what moves: no tracking error, no reserve."""
     design = cascade("inverse_dynamics", {"plant.deviation.payload_mass": 40}, end=1.0)
     run = simulate(design)
-    expected = run.tau_peak[20:].max(axis=0) / design.robot.motor_torque_limit
+    expected = run.tau_peak[20:].max(axis=0) / design.device.simulated.motor_torque_limit
     np.testing.assert_allclose(demand(design)[0], expected[0], rtol=0.02)
     shaken = cascade("inverse_dynamics", {"disturbance.amplitude": 0.1}, end=1.0)
     calm = cascade("inverse_dynamics", end=1.0)
-    load = np.abs(calm.loads.load_torque * calm.robot.gear_ratio / calm.robot.effort_limit)
+    load = np.abs(
+        calm.loads.load_torque
+        * calm.device.simulated.gear_ratio
+        / calm.device.simulated.effort_limit
+    )
     assert np.all(demand(shaken) <= demand(calm) + 0.1 * load.max(axis=0) + 1e-9)
     assert np.any(demand(shaken) > demand(calm))
     rough = cascade("inverse_dynamics", name="wrong_model", end=1.0)
     assert np.all((demand(rough) > demand(calm))[[0, 2]])  # which move
     speeds = {"drive.n1": [1.0, 0.1, 0.01, 0.01], "drive.n0": [300.0, 3, 3, 3]}
     falling = cascade("inverse_dynamics", speeds, end=1.0)
-    w = falling.wanted.v * falling.robot.gear_ratio
+    w = falling.reference.planned.v * falling.device.simulated.gear_ratio
     n1, n0 = (np.array(x) for x in speeds.values())
     left = np.clip((n0 - np.abs(w)) / (n0 - n1), 0, 1)
-    torque = falling.torques.total + falling.robot.reflected_inertia * falling.wanted.vd
-    share = np.abs(torque) / falling.robot.effort_limit / np.where(torque * w > 0, left, 1)
+    torque = (
+        falling.torques.total
+        + falling.device.simulated.reflected_inertia * falling.reference.planned.vd
+    )
+    share = (
+        np.abs(torque) / falling.device.simulated.effort_limit / np.where(torque * w > 0, left, 1)
+    )
     np.testing.assert_allclose(demand(falling), share.max(axis=0), rtol=1e-9, atol=1e-12)
     assert np.any(demand(falling) > 1.01 * demand(calm))
 
@@ -189,11 +200,18 @@ def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
         gain = position_response(slow, 0, np.array([0.9, 1.2]) * bandwidth.omega)[:, k, k]
         assert abs(gain[0]) > 0.5 > abs(gain[1])
     softer = make_design(
-        rigid.scenario, robot=replace(rigid.nominal, frequency_factor=0.5), motion=rigid.wanted
+        rigid.scenario,
+        robot=replace(rigid.nominal, frequency_factor=0.5),
+        motion=rigid.reference.planned,
     )
     by_structure = design_filter(softer, loops_of(softer, "reference"), "reference")
     assert [round(b.omega, 3) for b in by_structure.bandwidth] == [round(65.991 / 2, 3)] * 4
-    gains = {"kp": rigid.gains.kp, "ki": rigid.gains.ki, "omega_r": None, "zeta": None}
+    gains = {
+        "kp": rigid.tuning.gains.kp,
+        "ki": rigid.tuning.gains.ki,
+        "omega_r": None,
+        "zeta": None,
+    }
     unknown = rigid.scenario.changed({f"controller.{name}": x for name, x in gains.items()})
     perfect = LoopSet("perfect", (np.tile(np.eye(4), (POINTS, 1, 1)),), np.zeros((1, 4)))
     by_samples = design_filter(replace(rigid, scenario=unknown), [perfect], "reference")
@@ -214,17 +232,17 @@ def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
     assert first.rms[3] > 20 * last.rms[3]
     assert np.all(last.peak <= 1.02 * first.peak + 0.002)
     motion = last.learned.motion
-    checked_torque(design.nominal, motion)
-    np.testing.assert_array_equal(motion.q[0], design.wanted.q[0])
+    checked_torque(design.device.nominal, motion)
+    np.testing.assert_array_equal(motion.q[0], design.reference.planned.q[0])
     again = run_trial(design.given(last.learned), 3)
     np.testing.assert_array_equal(again.error, last.error)
 
 
 def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
     flight, run = run_trial(design := cascade("p_pi", SPRINGS), 1), simulate(design)
-    np.testing.assert_array_equal(flight.seen, run.q_measured - design.wanted.q)
+    np.testing.assert_array_equal(flight.seen, run.q_measured - design.reference.planned.q)
     np.testing.assert_array_equal(flight.error, run.position_error)
-    told = errors("learn", run.time, [flight], design.robot.joint_names)
+    told = errors("learn", run.time, [flight], design.device.simulated.joint_names)
     shown = np.reshape(scope("simulate", run, design).axes, (4, -1))[2]
     for learned, simulated in zip(told.axes, shown, strict=False):  # of one sign, late is negative
         lines = [*learned.get_lines(), *simulated.get_lines()]
@@ -241,13 +259,13 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
     slower = design_filter(mean, loops_of(mean, "torque"), "torque").lowest
     assert np.all(slower < filter_.lowest / 20)
     first, second = learn(design, filter_, 2, stops=False).trials
-    assert second.learned.motion is design.wanted
+    assert second.learned.motion is design.reference.planned
     change = [np.abs(np.diff(flight.error[:, 3])).max() for flight in (first, second)]
     assert change[1] < 0.6 * change[0]
     careful = design.scenario.changed({"torque_margin": 0.5})
     step = next_step(replace(design, scenario=careful), filter_, 100 * first.seen)
     assert "available" in step.limit and step.note == f"torque clipped: {step.limit}"
-    most = np.abs(step.learned.torque) / design.nominal.motor_torque_limit
+    most = np.abs(step.learned.torque) / design.device.nominal.motor_torque_limit
     assert most.max() == pytest.approx(0.5)
 
 

@@ -42,10 +42,10 @@ class Machine:
     def flight(self, learned=None):
         """Time [s], what was asked for and what came [rad]."""
         if learned is None:
-            return self.first.time, self.design.motion.q, self.first.q.copy()
+            return self.first.time, self.design.reference.tracked.q, self.first.q.copy()
         design = self.design.given(learned)
         run = simulate(design)
-        return run.time, design.motion.q, run.q
+        return run.time, design.reference.tracked.q, run.q
 
     def record(self, flight, *, lead=0.0, step=None, noise=0.0, seed=0, columns=("q_ref", "q")):
         """A file that begins `lead` [s] before the motion, at rest, and goes on after it."""
@@ -67,12 +67,12 @@ class Machine:
         return path
 
     def read(self, path):
-        return read_recording(path, self.design.robot, needs=("q",))
+        return read_recording(path, self.design.device.simulated, needs=("q",))
 
     def taught(self, flight, count, noise):
         """What so many noisy recordings of a first flight teach."""
         paths = [self.record(flight, noise=noise, seed=i) for i in range(count)]
-        state = State([], [LearnedReference(self.design.motion)])
+        state = State([], [LearnedReference(self.design.reference.tracked)])
         return update(self.design, self.filter, state, [self.read(path) for path in paths])
 
 
@@ -80,8 +80,10 @@ class Machine:
 def made(designed):
     """A design, its filter, and its first flight."""
     base = designed("wrong_model", end=1.5)
-    v = base.wanted.v * np.clip((1.5 - base.wanted.time) / 0.8, 0, 1)[:, None]  # ends at rest
-    wanted = Motion.from_speeds(base.wanted.period, base.wanted.q[0], v)
+    v = (
+        base.reference.planned.v * np.clip((1.5 - base.reference.planned.time) / 0.8, 0, 1)[:, None]
+    )  # ends at rest
+    wanted = Motion.from_speeds(base.reference.planned.period, base.reference.planned.q[0], v)
     scenario = with_controller(base.scenario, "p_pi")
     design = make_design(scenario, robot=base.nominal, motion=wanted)
     return (
@@ -107,7 +109,9 @@ def machine(made, tmp_path):
 def test_the_motion_is_found_in_a_recording(machine, lead, step, columns, off):
     flight = machine.flight()
     path = machine.record(flight, lead=lead, step=step, columns=columns)
-    found = match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+    found = match(
+        machine.read(path), machine.design, machine.filter, [machine.design.reference.tracked]
+    )
     assert found.shift == pytest.approx(lead, abs=off)
     assert found.reference == (0 if "q_ref" in columns else -1)
     np.testing.assert_allclose(found.q, flight[2], rtol=0, atol=3e-6 + 2 * off)
@@ -143,16 +147,16 @@ def test_what_repeats_is_told_from_what_does_not(machine):
     flight, noise = machine.flight(), 3e-5
     taught = machine.taught(flight, 8, noise)
     np.testing.assert_allclose(taught.trial.floor, noise, rtol=0.1)
-    true = np.sqrt(np.mean((machine.design.wanted.q - flight[2]) ** 2, axis=0))
+    true = np.sqrt(np.mean((machine.design.reference.planned.q - flight[2]) ** 2, axis=0))
     np.testing.assert_allclose(taught.trial.rms, true, rtol=0.05, atol=0.4 * noise)
     quiet = machine.flight()
-    quiet[2][:] = machine.design.wanted.q
+    quiet[2][:] = machine.design.reference.planned.q
     taught = machine.taught(quiet, 3, noise)
     assert "noise" in {one.kind for one in taught.findings}
     np.testing.assert_allclose(taught.trial.floor, noise, rtol=0.1)
     quiet[2][:, 1] += 1.5 * noise  # within the noise of all joints, but not within its own
     assert "noise" not in {one.kind for one in machine.taught(quiet, 3, noise).findings}
-    quiet[2][:] = machine.design.wanted.q + noise
+    quiet[2][:] = machine.design.reference.planned.q + noise
     taught = machine.taught(quiet, 3, noise)
     np.testing.assert_allclose(taught.trial.rms, noise, rtol=0.1)
     # A larger error that noise may have made is no growth.
@@ -179,11 +183,11 @@ def test_recordings_of_something_else_or_with_gaps_are_refused(machine):
         signals = {name: x[kept] for name, x in {**recorded.signals, **changed}.items()}
         part = replace(recorded, time=recorded.time[kept], signals=signals)
         with pytest.raises(InputError, match=words):
-            match(part, machine.design, machine.filter, [machine.design.motion])
+            match(part, machine.design, machine.filter, [machine.design.reference.tracked])
     path, columns = machine.record(machine.flight(), step=0.02), Columns(time_factor=1e-3)
-    short = read_recording(path, machine.design.robot, columns, needs=("q",))
+    short = read_recording(path, machine.design.device.simulated, columns, needs=("q",))
     with pytest.raises(InputError, match=r"lasts 0.0017 s, .*; in seconds .* time_factor: 1 in"):
-        match(short, machine.design, machine.filter, [machine.design.motion])
+        match(short, machine.design, machine.filter, [machine.design.reference.tracked])
 
 
 def test_two_commands_at_once_keep_both_flights(good, desk):
@@ -209,7 +213,7 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
 def test_what_a_recording_lacks_is_noted_and_not_learned(machine):
     """A spike, as a logger's mark, and a last line that was cut off."""
     path = machine.record(machine.flight())
-    state = State([], [LearnedReference(machine.design.motion)])
+    state = State([], [LearnedReference(machine.design.reference.tracked)])
     clean = update(machine.design, machine.filter, state, [machine.read(path)])
     rows = [line.split(",") for line in path.read_text().splitlines()]
     rows[150][-1] = "0.5"

@@ -29,7 +29,7 @@ def recorded_run(made, tmp_path, **more):
     """A run as a file, and read again; `more` columns beside it."""
     path = tmp_path / "run.csv"
     simulate(made).save(path)
-    recorded = read_recording(path, made.robot)
+    recorded = read_recording(path, made.device.simulated)
     assert recorded.of_links
     return Recorded(recorded.path, recorded.time, recorded.signals | more, of_links=True)
 
@@ -67,7 +67,7 @@ def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
     recorded = recorded_run(made, tmp_path)
     recorded.signals["q"] += 0.3
 
-    softer = list(made.position_gain / 3)
+    softer = list(made.tuning.position_gain / 3)
     wrong_plant = replayed(made, recorded, {"plant.deviation.payload_mass": 60.0})
     wrong_gain = replayed(made, recorded, {"controller.position_gain": softer})
     assert wrong_plant.difference("position_error", "with the nominal links").max() < 1e-6
@@ -79,7 +79,7 @@ def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
 
 def test_the_recorded_feedforward_is_used(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=0.0, end=1.0)
-    fed = made.tau_ff * made.robot.gear_ratio
+    fed = made.tuning.feedforward.along * made.device.simulated.gear_ratio
     recorded = recorded_run(made, tmp_path, tau_ff=fed)
     result = replayed(made, recorded, {"controller.feedforward": None})
     assert result.difference("torque", AS_IT_IS).max() < 1e-6
@@ -106,8 +106,12 @@ def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_pa
     """Gravity and inertias are those of the pose; the offset of a reference that nobody recorded
     is no news."""
     made = designed("coupled_pi", start=1.0, end=1.5)
-    v = made.motion.v * np.clip(made.motion.time / 0.2, 0, 1)[:, None]  # from rest
-    motion = Motion.from_speeds(made.motion.period, made.motion.q[0] + [0, 0.8, 0, 0.5], v)
+    v = (
+        made.reference.tracked.v * np.clip(made.reference.tracked.time / 0.2, 0, 1)[:, None]
+    )  # from rest
+    motion = Motion.from_speeds(
+        made.reference.tracked.period, made.reference.tracked.q[0] + [0, 0.8, 0, 0.5], v
+    )
     made = designed("coupled_pi", motion=motion)
     recorded = recorded_run(made, tmp_path)
     del recorded.signals["q_ref"]
@@ -124,7 +128,7 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     """K_P r (v_ref - v) + K_I r (integral of v_ref - q), with the reference held."""
     fields = {"controller.setpoint_weight": 1}
     made = designed("coupled_pi", fields, start=1.0, end=1.5)
-    motion, ratio = made.motion, made.robot.gear_ratio
+    motion, ratio = made.reference.tracked, made.device.simulated.gear_ratio
     q = motion.q + 0.3 - 2e-4 * (1 - np.cos(8 * motion.time))[:, None]
     v = motion.v - 2e-4 * 8 * np.sin(8 * motion.time)[:, None]
     signals = {"v_ref": motion.v, "q_ref": motion.q, "q": q, "v": v, "tau": 0 * v}
@@ -139,7 +143,7 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     held = np.vstack([motion.v[:1], motion.v[:-1]])
     integral = np.vstack([0 * v[:1], np.cumsum(motion.v[:-1], axis=0) * motion.period])
     gone = integral - (q - q[0])
-    asked = ratio * (made.gains.kp * (held - v) + made.gains.ki * gone)
+    asked = ratio * (made.tuning.gains.kp * (held - v) + made.tuning.gains.ki * gone)
     expected = (asked - asked.mean(axis=0))[1:]
     found = result.courses[ALONE]["torque"][1:]
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
@@ -147,7 +151,10 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     recorded.signals["tau"] = recorded.signals["tau"] + 150.0 * ratio
     result = replayed(made, recorded)
     assert result.courses[ALONE]["torque"][1:, 1:] == pytest.approx(found[:, 1:] + 150.0)
-    assert np.abs(result.courses[ALONE]["torque"][:, 0]).max() <= made.robot.motor_torque_limit[0]
+    assert (
+        np.abs(result.courses[ALONE]["torque"][:, 0]).max()
+        <= made.device.simulated.motor_torque_limit[0]
+    )
 
 
 def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_path):
@@ -183,10 +190,14 @@ def test_a_spike_is_told_and_no_part_of_what_is_explained(designed, tmp_path, na
     """A reference that jumps is followed by no machine: its error would explain itself."""
     made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
     recorded = recorded_run(made, tmp_path)
-    plain = replayed(made, recorded, {"controller.position_gain": list(made.position_gain / 3)})
+    plain = replayed(
+        made, recorded, {"controller.position_gain": list(made.tuning.position_gain / 3)}
+    )
     recorded.signals[name][[60, 61, 150], 1] += SPIKES[name]
     marked = recorded.signals[name].copy()
-    result = replayed(made, recorded, {"controller.position_gain": list(made.position_gain / 3)})
+    result = replayed(
+        made, recorded, {"controller.position_gain": list(made.tuning.position_gain / 3)}
+    )
     assert np.array_equal(recorded.signals[name], marked)  # the caller's own
     for quantity in result.measured:
         off = np.abs(result.explained(quantity) - plain.explained(quantity)).max()
@@ -203,7 +214,7 @@ def test_steps_noise_and_quick_moves_are_no_spikes(designed, tmp_path):
         values *= 1 if name == "tau" else 30
         values[100:] += 5
         values += random.normal(0, 1, values.shape)
-    assert without_spikes(recorded, made.robot).notes == ()
+    assert without_spikes(recorded, made.device.simulated).notes == ()
 
 
 def test_torques_that_no_motor_has_do_not_race_the_simulation(designed, tmp_path):
@@ -219,5 +230,5 @@ def test_what_was_ignored_on_reading_is_told(designed, tmp_path):
     recorded_run(made, tmp_path)
     path = tmp_path / "run.csv"
     path.write_text(path.read_text()[:-30])
-    result = replayed(made, read_recording(path, made.robot))
+    result = replayed(made, read_recording(path, made.device.simulated))
     assert any("last line is incomplete" in line for line in replay_findings(result))

@@ -181,23 +181,25 @@ def with_sine(wanted: Motion, size: float) -> Motion:
 def test_the_reference_of_a_file_is_tracked_and_errors_are_against_the_planned_motion(
     p_pi, tmp_path
 ):
-    swing = LearnedReference(with_sine(p_pi.wanted, 1e-3), np.zeros_like(p_pi.wanted.q))
-    swing.to_csv(tmp_path / "learned.csv", p_pi.wanted)
+    swing = LearnedReference(
+        with_sine(p_pi.reference.planned, 1e-3), np.zeros_like(p_pi.reference.planned.q)
+    )
+    swing.to_csv(tmp_path / "learned.csv", p_pi.reference.planned)
     scenario = replace(p_pi.scenario, learned=str(tmp_path / "learned.csv"))
     design = p_pi.variant(scenario)
     run = simulate(design)
-    np.testing.assert_array_equal(run.q_ref, p_pi.wanted.q)
+    np.testing.assert_array_equal(run.q_ref, p_pi.reference.planned.q)
     # It goes where the loop takes that reference, were it planned.
-    planned = simulate(replace(p_pi, wanted=design.motion))
+    planned = simulate(replace(p_pi, planned=design.reference.tracked))
     np.testing.assert_array_equal(run.q, planned.q)
     assert np.ptp(run.position_error[:, 1]) > 1e-3
-    assert design.variant(p_pi.scenario).motion is p_pi.wanted
+    assert design.variant(p_pi.scenario).reference.tracked is p_pi.reference.planned
     with pytest.raises(InputError, match="inverse_dynamics: online"):
         p_pi.variant(replace(scenario, inverse_dynamics="online"))
 
 
 def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_that(p_pi):
-    nearby = with_sine(p_pi.wanted, 1e-3)  # within what learning may change
+    nearby = with_sine(p_pi.reference.planned, 1e-3)  # within what learning may change
     p_pi.given(LearnedReference(nearby))
     with pytest.raises(InputError, match=r"joint 2 is .* deg from the planned motion"):
         p_pi.given(LearnedReference(nearby, planned=nearby.q))
@@ -214,6 +216,6 @@ def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_th
     ],
 )
 def test_a_reference_of_another_motion_or_beyond_a_limit_is_refused(p_pi, change, torque, message):
-    motion = change(p_pi.wanted)
+    motion = change(p_pi.reference.planned)
     with pytest.raises(InputError, match=message):
         p_pi.given(LearnedReference(motion, np.full(motion.q.shape, float(torque))))

@@ -57,10 +57,12 @@ def changed(array, joints):
 
 
 def with_design(study, part, name, joints):
-    """With other numbers of some joints in the inertia or the gains of the design."""
-    before = getattr(study.design, part)
+    """With other numbers of some joints in the inertia or the gains of the tuning."""
+    tuning = study.design.tuning
+    before = getattr(tuning, part)
     after = replace(before, **{name: changed(getattr(before, name), joints)})
-    return replace(study, design=overruled(study.design, **{part: after}))
+    other = overruled(tuning, **{part: after})
+    return replace(study, design=overruled(study.design, tuning=other))
 
 
 def with_step(study, structure, **metrics):

@@ -108,15 +108,17 @@ def test_a_bad_choice_is_refused(robot, values, message):
 def test_planner_controller_and_plant_know_the_device(robot, design):
     fields = {"device.motors": LIGHTER, "device.structure_scale": 0.8, "device.fitted": FITTED}
     scenario = load_scenario("coupled_pi_ctc").changed(fields)
-    made = make_design(scenario, motion=design.motion)
+    made = make_design(scenario, motion=design.reference.tracked)
     chosen = chosen_robot(robot, DeviceChoice(LIGHTER, structure_scale=0.8, fitted=FITTED))
-    for known in (made.robot, made.nominal, made.model):
+    for known in (made.device.simulated, made.nominal, made.device.model):
         np.testing.assert_array_equal(known.effort_limit, chosen.effort_limit)
         assert total_mass(known) == total_mass(chosen)
-    d_kk = torque_groups(chosen, made.motion.q, made.motion.v, made.motion.vd).d_kk
+    d_kk = torque_groups(
+        chosen, made.reference.tracked.q, made.reference.tracked.v, made.reference.tracked.vd
+    ).d_kk
     i_eff = effective_inertia(chosen, d_kk).max(axis=0)
     omega_n = 0.5 * 65.991 * chosen.frequency_factor
-    np.testing.assert_allclose(made.gains.ki, omega_n**2 * i_eff, rtol=1e-12)
+    np.testing.assert_allclose(made.tuning.gains.ki, omega_n**2 * i_eff, rtol=1e-12)
     assert chosen.frequency_factor != 1
 
 

@@ -37,7 +37,9 @@ def test_groups_of_a_planar_arm_are_those_of_the_textbook(text, suffix):
 def test_third_branch_of_algorithm_1_covers_most_of_the_reference_motion(design):
     # Every sample at constant speed is in it. reference_design.md: 43 to 90 % of the motion.
     own, coupled = design.torques.inertial, design.torques.coupled
-    third = (np.sign(design.motion.vd) != np.sign(coupled)) & (np.abs(own) <= np.abs(coupled))
+    third = (np.sign(design.reference.tracked.vd) != np.sign(coupled)) & (
+        np.abs(own) <= np.abs(coupled)
+    )
     share = 100 * np.mean(third, axis=0)
     assert (round(min(share)), round(max(share))) == (43, 90)
 

@@ -15,6 +15,7 @@ from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Positive, field
 from sdt_drake.io.schema import json_schema
+from sdt_drake.robot.dynamics import InertiaRange
 from sdt_drake.run.controllers import (
     SHIPPED,
     ChosenFeedforward,
@@ -46,9 +47,9 @@ class MyOptions(ChosenFeedforward):
 
 
 def mine(design):
-    share, gains = design.scenario.controller.share, design.gains
+    share, gains = design.scenario.controller.share, design.tuning.gains
     own = SpeedGains(kp=share * gains.kp, ki=share * gains.ki)
-    return pi_speed_controller(gains=own, gear_ratio=design.robot.gear_ratio)
+    return pi_speed_controller(gains=own, gear_ratio=design.device.simulated.gear_ratio)
 
 
 def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed):
@@ -177,7 +178,7 @@ UNREAD = np.full(4, 1e9)  # by any controller
 
 def command(loop, i, q, v):
     """Return the command of a loop while sample i is in force, at q sampled with it, and at v."""
-    diagram, held = loop.diagram, loop.design.reference
+    diagram, held = loop.diagram, loop.design.reference.held
     context = diagram.CreateDefaultContext()
     context.SetTime(i * held.period)
     diagram.GetInputPort("extra_load_torque").FixValue(context, np.zeros(4))
@@ -196,7 +197,7 @@ def command(loop, i, q, v):
 def test_the_command_after_updates_is_that_of_the_loop(designed, kind, choices):
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
     loop = make_loop(designed("coupled_pi", fields, start=2.0, end=3.0, rest=2))
-    motion, rng = loop.design.motion, np.random.default_rng(3)
+    motion, rng = loop.design.reference.tracked, np.random.default_rng(3)
     measured = rng.normal(size=(4, 8)) + np.hstack([motion.q, motion.v])[97:101]
     held = np.array([97, 98, 99])
     before, after = [], []
@@ -212,13 +213,13 @@ def test_the_command_after_updates_is_that_of_the_loop(designed, kind, choices):
 def rests(design, **inputs):
     """Check that a controller started at rest commands what it is told."""
     owner, system = make_controller(design)
-    controller, motion = Alone(system), design.motion
+    controller, motion = Alone(system), design.reference.tracked
     tau_cmd, state = np.array([1.0, -2.0, 300.0, 0.5]), np.append(motion.q[0], motion.v[0])
     start_controller(owner, system, controller.context, design, tau_cmd, None)
     inputs = {"reference": [*state, *motion.vd[0]], "measured": state} | inputs
     inputs |= {"sampled_state": state, "tau_cmd": tau_cmd, "tau_limited": tau_cmd}
     controller.give(**{k: x for k, x in inputs.items() if system.HasInputPort(k)})
-    command = controller.output("tau_fb") + design.steady_ff
+    command = controller.output("tau_fb") + design.tuning.feedforward.steady
     np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
 
 
@@ -238,9 +239,9 @@ def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, opt
     """Of a motion that accelerates; a run starts without an error of speed all the same."""
     fields = {f"controller.{name}": value for name, value in (options | {"kind": kind}).items()}
     design = designed("coupled_pi", fields | {"held_speed": "mean"}, start=2.0, end=2.1)
-    motion = design.motion
+    motion = design.reference.tracked
     mean = (motion.v[1:] + motion.v[:-1]) / 2
-    np.testing.assert_allclose(design.reference.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(design.reference.held.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)
     rests(design, reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
 
 
@@ -248,7 +249,9 @@ def test_linear_gains_are_scheduled_with_the_inertia(designed):
     plain = designed("coupled_pi", end=0.1)
     share = np.array([0.5, 0.6, 0.7, 0.8])
     design = designed("coupled_pi", {"controller.kind": "pi_scheduled"}, end=0.1)
-    design = overruled(design, inertia_share=np.tile(share, (len(design.motion.q), 1)))
+    along = np.tile(share, (len(design.reference.tracked.q), 1))  # at most 1, as at another sample
+    largest = overruled(design.tuning, i_eff=along)
+    design = overruled(design, tuning=overruled(largest, inertia=InertiaRange(1, 1, 1)))
     own, fixed = linear_feedback(design, 3), linear_feedback(plain, 3)
     np.testing.assert_allclose(own.C, share[:, None] * fixed.C, rtol=1e-12)
     np.testing.assert_allclose(own.D, share[:, None] * fixed.D, rtol=1e-12)

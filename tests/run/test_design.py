@@ -39,44 +39,49 @@ def test_friction_compensation_is_added_after_the_gain(designed):
     gain, (f_c, b, f_b) = [0.5, 1.2, 0.0, -1.0], np.array(SLIDING)
     changes = kind("pi_id", friction_compensation=True, feedforward_gain=gain)
     design = designed("coupled_pi", changes | {"plant.friction": Friction(*SLIDING, 0.03)})
-    v, s = design.motion.v, design.motion.v / 0.03
+    v, s = design.reference.tracked.v, design.reference.tracked.v / 0.03
     friction = f_c * np.sign(v) + (f_b - f_c) * s * np.exp(0.5 - s**2 / 2) + b * v
-    expected = gain * designed("coupled_pi", kind("pi_id")).tau_ff + friction / GEAR
-    np.testing.assert_allclose(design.tau_ff, expected, rtol=1e-12, atol=1e-12)
+    expected = (
+        gain * designed("coupled_pi", kind("pi_id")).tuning.feedforward.along + friction / GEAR
+    )
+    np.testing.assert_allclose(design.tuning.feedforward.along, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
     right, wrong = make("pi_id"), make("pi_id", model=LIGHT)
     # 180 kg with the payload, 140 kg without a part of it.
-    mass = wrong.model.plant.CalcTotalMass(wrong.model.plant.CreateDefaultContext())
+    mass = wrong.device.model.plant.CalcTotalMass(wrong.device.model.plant.CreateDefaultContext())
     assert mass == pytest.approx(6570.0)
-    assert wrong.robot is right.robot
+    assert wrong.device.simulated is right.device.simulated
     np.testing.assert_array_equal(wrong.loads, right.loads)
     np.testing.assert_array_equal(wrong.i_eff, right.i_eff)
-    expected = inverse_dynamics(dataclasses.replace(wrong, nominal=wrong.model))
-    np.testing.assert_allclose(wrong.tau_ff, expected, rtol=1e-9, atol=1e-9)
-    assert np.all(np.abs(wrong.tau_ff - right.tau_ff).max(axis=0) > 1e-3 * right.tau_ff.max(axis=0))
+    expected = inverse_dynamics(dataclasses.replace(wrong, nominal=wrong.device.model))
+    np.testing.assert_allclose(wrong.tuning.feedforward.along, expected, rtol=1e-9, atol=1e-9)
+    assert np.all(
+        np.abs(wrong.tuning.feedforward.along - right.tuning.feedforward.along).max(axis=0)
+        > 1e-3 * right.tuning.feedforward.along.max(axis=0)
+    )
 
 
 @pytest.mark.parametrize("model", [Deviation(), LIGHT, Deviation(inertia_scale=1.25)], ids=str)
 def test_gains_are_tuned_to_the_largest_inertia_of_the_model_and_scheduled_with_it(make, model):
     design, inertia = make(model=model), []
-    plant = design.model.plant
+    plant = design.device.model.plant
     context = plant.CreateDefaultContext()
-    for q in design.motion.q:
+    for q in design.reference.tracked.q:
         plant.SetPositions(context, q)
         inertia.append(plant.CalcMassMatrix(context).diagonal() / GEAR**2)
     largest = np.max(inertia, axis=0)
     assert np.min(inertia / largest, axis=0)[:2].max() < 0.95
-    np.testing.assert_allclose(design.inertia_share, inertia / largest, rtol=1e-9)
+    np.testing.assert_allclose(design.tuning.inertia_share, inertia / largest, rtol=1e-9)
     expected = tune(largest, OMEGA_R, ZETA)
-    np.testing.assert_allclose(design.gains.kp, expected.kp, rtol=1e-9)
-    np.testing.assert_allclose(design.gains.ki, expected.ki, rtol=1e-9)
+    np.testing.assert_allclose(design.tuning.gains.kp, expected.kp, rtol=1e-9)
+    np.testing.assert_allclose(design.tuning.gains.ki, expected.ki, rtol=1e-9)
 
 
 def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
-    np.testing.assert_allclose(make("p_pi").position_gain, OMEGA_R / 8, rtol=1e-12)
-    given = make("p_pi", position_gain=[1.0, 2.0, 3.0, 4.0]).position_gain
+    np.testing.assert_allclose(make("p_pi").tuning.position_gain, OMEGA_R / 8, rtol=1e-12)
+    given = make("p_pi", position_gain=[1.0, 2.0, 3.0, 4.0]).tuning.position_gain
     np.testing.assert_array_equal(given, [1, 2, 3, 4])
 
 
@@ -157,8 +162,10 @@ def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, mon
         for part in computed:
             getattr(other, part)
     heavier = base.variant(base.scenario.changed({"plant.deviation": LIGHT}))
-    assert heavier.robot is base.model and heavier.torques is base._modelled_torques
-    assert asked == [base.model, robot]
+    assert heavier.device.simulated is base.device.model and heavier.torques is plant.torques_along(
+        base.device.model, base.reference.tracked
+    )
+    assert asked == [base.device.model, robot]
     del base, other, heavier, motion
     gc.collect()
     assert len(plant._along) == kept

@@ -50,7 +50,7 @@ class Tidy(LeafSystem, Controller):
 
     def __init__(self, design):
         super().__init__()
-        own, n = weakref.proxy(self), design.robot.n
+        own, n = weakref.proxy(self), design.device.simulated.n
         self.measured = self.DeclareVectorInputPort("measured", 2 * n)
         inputs = {self.measured.ticket()}
         self.DeclareVectorOutputPort("tau_cmd", n, lambda *of: own.command(*of), inputs)

@@ -28,7 +28,7 @@ def test_a_late_reference_needs_the_torques_of_one_in_time(designed, label, peri
     def run(delay):
         fields = kind(label) | {"drive": Drive(period=period, reference_delay=delay)}
         design = designed("coupled_pi", fields, motion=there_and_back())
-        run, limit = simulate(design), design.robot.motor_torque_limit
+        run, limit = simulate(design), design.device.simulated.motor_torque_limit
         rms = np.sqrt(np.mean(run.tau_rms[1:] ** 2, axis=0))
         return np.array([run.tau_peak.max(axis=0), rms]) / limit, run.saturated
 

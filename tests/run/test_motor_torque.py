@@ -35,7 +35,7 @@ def design_of(designed):
 
 def walked(design):
     """Peak, RMS, mean and share of time saturated of each period, (4, N, n), by small steps."""
-    loop, period = make_loop(design), design.reference.period
+    loop, period = make_loop(design), design.reference.held.period
     simulator = make_simulator(loop.diagram, period=period, accuracy=1e-4)
     context = simulator.get_mutable_context()
     loop.set_steady_state(context)
@@ -77,7 +77,7 @@ def agree(design, tolerance=5e-4):
     """
     run, (*torques, saturated) = simulate(design), walked(design)
     for torque, wanted in zip((run.tau_peak, run.tau_rms, run.tau_mean), torques, strict=True):
-        off = (torque[1:] - wanted) / design.robot.motor_torque_limit
+        off = (torque[1:] - wanted) / design.device.simulated.motor_torque_limit
         np.testing.assert_allclose(off, 0, atol=tolerance)
     np.testing.assert_allclose(run.saturated[1:], saturated, rtol=0, atol=0.5 / STEPS + 2e-3)
     return run
@@ -96,7 +96,7 @@ def test_torque_behind_a_lag_is_as_accurate_as_recordings_say(designed, bandwidt
         designed("coupled_pi", fields | {"accuracy": accuracy}, start=5.0, end=6.0)
         for accuracy in (1e-4, 1e-8)
     ]
-    runs, limit = [simulate(x) for x in designs], designs[0].robot.motor_torque_limit
+    runs, limit = [simulate(x) for x in designs], designs[0].device.simulated.motor_torque_limit
     for name, promised in {"tau_peak": 3e-3, "tau_mean": 1.5e-3, "tau_rms": 1.5e-3}.items():
         rough, fine = (getattr(run, name) / limit for run in runs)
         np.testing.assert_allclose(rough, fine, rtol=0, atol=promised, err_msg=name)
@@ -121,7 +121,7 @@ def test_a_run_without_stops_at_updates_tells_what_one_with_stops_does(
     assert (make_loop(design).feedthrough is None) == (case in STOPS)
     straight = simulate(design)
     monkeypatch.setattr(Loop, "feedthrough", None)
-    stopping, limit = simulate(design), design.robot.motor_torque_limit
+    stopping, limit = simulate(design), design.device.simulated.motor_torque_limit
     assert np.any(straight.saturated)
     for name in ("tau_peak", "tau_rms", "saturated"):
         off = getattr(straight, name) - getattr(stopping, name)
@@ -135,7 +135,7 @@ class Given(LeafSystem, Controller):
 
     def __init__(self, design):
         super().__init__()
-        limit = design.robot.motor_torque_limit
+        limit = design.device.simulated.motor_torque_limit
 
         def command(context, output):
             output.SetFromVector(limit * (context.get_time() ** np.arange(3) @ self.LIMITS))
@@ -150,7 +150,7 @@ def test_mean_rms_and_saturation_of_torques_known_by_hand(design_of, monkeypatch
     x = np.array([[1, 1 + 1e-15, 0, 0.9], [0, 0, 0.8, 0.4], [0, 0, -0.8, 0]])  # of t / period
     monkeypatch.setattr(Given, "LIMITS", sign * x / 0.005 ** np.arange(3)[:, None])
     own = design_of("given", "coupled", Drive())
-    run, limit = simulate(own), own.robot.motor_torque_limit
+    run, limit = simulate(own), own.device.simulated.motor_torque_limit
     np.testing.assert_allclose(run.saturated[1], [0, 1, 0, 1 - 0.1 / 0.4], rtol=1e-9)
     assert not run.saturated[:, 0].any()
     mean, rms = (run.tau_mean[1] / limit)[:3], (run.tau_rms[1] / limit)[:3]
@@ -163,7 +163,7 @@ def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(desi
     axis = design_of("pi", "axis", Drive())
     axis = overruled(axis, loads=axis.loads._replace(alleviating_torque=help_))
     lower, upper = torque_limits(axis, np.arange(2), np.zeros((2, 4)))
-    limit = axis.robot.motor_torque_limit
+    limit = axis.device.simulated.motor_torque_limit
     np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
     np.testing.assert_allclose(lower + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
 

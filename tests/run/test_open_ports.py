@@ -38,7 +38,7 @@ def fed(design, motion=None):
     """A loop, and the diagram around it with a motion as its external reference."""
     builder, loop = DiagramBuilder(), make_loop(design, reference="external")
     builder.AddSystem(loop.diagram)
-    held = builder.AddSystem(Held(motion or design.reference))
+    held = builder.AddSystem(Held(motion or design.reference.held))
     builder.Connect(held.get_output_port(), loop.GetInputPort("reference"))
     return loop, builder.Build()
 

@@ -49,7 +49,9 @@ def test_axis_loop_against_plain_numpy(axes, case):
     given = 1 + np.array(design.drive.torque_error or np.zeros(4))
     np.testing.assert_allclose(recording.tau, given * recording.tau_limited, rtol=1e-12)
     if case == "pi_id":
-        np.testing.assert_allclose(design.tau_ff, inverse_dynamics(design), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            design.tuning.feedforward.along, inverse_dynamics(design), rtol=1e-9, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize(("limit", "widen"), [(1.0, False), (0.4, True)])
@@ -79,7 +81,7 @@ def test_speeds_and_positions_are_as_good_as_it_says(robot, name, label, start, 
     # One count of an encoder more or less moves speeds by 2e-4 rad/s at any accuracy.
     smooth = load_scenario(name, {"drive.encoder_resolution": None})
     scenario = with_controller(smooth, label)
-    whole = make_design(scenario, robot=robot).wanted
+    whole = make_design(scenario, robot=robot).reference.planned
     rows = slice(round(start / whole.period), round(end / whole.period))
     motion = Motion(whole.period, whole.q[rows], whole.v[rows], whole.vd[rows])
     runs = {}

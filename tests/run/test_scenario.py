@@ -37,17 +37,19 @@ def test_shipped_scenarios_have_the_published_numbers(designed):
         assert scenario.controller.setpoint_weight == 0
         assert scenario.algorithm == "printed"
         assert scenario.disturbance == DisturbanceChoice(amplitude, 2 * np.pi)
-        numbers = design.i_eff, design.gains.kp, design.gains.ki
+        numbers = design.i_eff, design.tuning.gains.kp, design.tuning.gains.ki
         np.testing.assert_array_equal(numbers, (I_EFF, KP, KI))
     for name in ("coupled_pi", "coupled_pi_ctc"):
         design = designed(name)
         assert design.scenario.algorithm == "consistent"
         # The paper prints 2.73e5 for joint 4; its own formula gives 2.7248e5.
-        np.testing.assert_allclose(design.gains.ki, [4.64e3, 1.067e5, 8.67e5, 2.7248e5], rtol=1e-3)
-        np.testing.assert_allclose(design.gains.kp, KP, rtol=5e-3)
+        np.testing.assert_allclose(
+            design.tuning.gains.ki, [4.64e3, 1.067e5, 8.67e5, 2.7248e5], rtol=1e-3
+        )
+        np.testing.assert_allclose(design.tuning.gains.kp, KP, rtol=5e-3)
     # Without zeta it is 1: K_PS = 2 I_eff omega_n with omega_n = omega_r / 2.
     design = designed("coupled_pi", {"controller.zeta": None})
-    np.testing.assert_allclose(design.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
+    np.testing.assert_allclose(design.tuning.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
 
 
 def test_feedforward_weight_and_label():
@@ -79,8 +81,8 @@ def test_paths_start_from_the_folder_of_the_scenario_and_survive_saving(tmp_path
     monkeypatch.chdir(tmp_path / "project")
     scenario = load_scenario("runs/first_run.yaml")
     design = make_design(scenario)
-    assert design.robot.path.samefile(folder / "robots" / "own.sdf")
-    assert design.motion.duration == 1
+    assert design.device.simulated.path.samefile(folder / "robots" / "own.sdf")
+    assert design.reference.tracked.duration == 1
     assert scenario.device.catalogue == str(folder / "own_motors.yaml")
     save_scenario(scenario, tmp_path / "results" / "copy.yaml")
     assert load_scenario(tmp_path / "results" / "copy.yaml") == scenario

@@ -37,7 +37,7 @@ def recording(design):
 
 def test_recording_has_every_sample_and_the_torques_before_its_update(design, recording):
     """Row i has the load and the limits of sample i - 1, and the speed at its own time."""
-    motion, (load, help_) = design.motion, design.loads
+    motion, (load, help_) = design.reference.tracked, design.loads
     np.testing.assert_array_equal(recording.time, np.arange(401) * 0.005)
     np.testing.assert_array_equal(recording.q_ref, motion.q)
     np.testing.assert_array_equal(recording.v_ref, motion.v)
@@ -85,12 +85,12 @@ def test_a_loop_behind_its_design_or_scenario_is_simulated_and_warns(designed):
 def test_how_far_a_joint_is_beyond_its_stop(design, recording):
     """Stops do not act; the axis plant has none."""
     stops = {"position_lower": np.full(4, -1.0), "position_upper": np.full(4, 2.0)}
-    design = replace(design, nominal=replace(design.robot, **stops))
+    design = replace(design, nominal=replace(design.device.simulated, **stops))
     beyond = [0, 0.5, 0.25, 0] if design.scenario.plant.kind == "coupled" else [0] * 4
     q = np.array([[0.0, -1.5, 2.25, 2.0]])
     np.testing.assert_array_equal(_beyond_stop(design, q), [beyond])
     run = replace(recording, beyond_stop=np.tile([0, 0, 0, 0.02], (401, 1)))
-    [line] = stops_passed(run, design.robot.joint_names)
+    [line] = stops_passed(run, design.device.simulated.joint_names)
     assert "joint 4 yaw passes its stop at 0.000 s, at " in line and "goes 0.02 rad beyond" in line
 
 
@@ -112,7 +112,10 @@ def design_of(kind, robot, motion):
 )
 def test_samples_torque_and_saturation_of_any_robot_agree(data, robot, kind, period):
     motion = data.draw(motions(robot.n, period=period, samples=40))
-    need = np.abs(design_of("pi_id", robot, motion).tau_ff).max(axis=0) * robot.gear_ratio
+    need = (
+        np.abs(design_of("pi_id", robot, motion).tuning.feedforward.along).max(axis=0)
+        * robot.gear_ratio
+    )
     weak = replace(robot, effort_limit=0.7 * need + 1e-3)
     design = design_of(kind, weak, motion)
     run, limit = simulate(design), weak.motor_torque_limit

@@ -150,7 +150,9 @@ class Inputs:
     def compared(self, shares, *, head=True):
         """Controllers whose errors are shares; the second joint has no constant speed."""
         plant, made = SimpleNamespace(HasFrameNamed=lambda name: head), []
-        design = SimpleNamespace(robot=SimpleNamespace(joint_names=NAMES, plant=plant))
+        design = SimpleNamespace(
+            device=SimpleNamespace(simulated=SimpleNamespace(joint_names=NAMES, plant=plant))
+        )
         for label, share in zip(("pi", "p_pi+id", "inverse_dynamics"), shares, strict=True):
             row = share * np.array([0.1, 0.2, 0.3])
             constant = share * np.array([0.02, np.nan, 0.04])
@@ -209,7 +211,7 @@ class Inputs:
         courses[FEEDFORWARD] = {"torque": measured["torque"] * [0.99, 0.5, 0.5, -1]}
         courses[FED] = {name: (v + 3 * measured[name]) / 4 for name, v in as_it_is.items()}
         courses[ALONE] = {"torque": measured["torque"] * [0.99, 1, -1, 1]}
-        signals = {"q": run.q, "v": run.v, "tau": run.tau * design.robot.gear_ratio}
+        signals = {"q": run.q, "v": run.v, "tau": run.tau * design.device.simulated.gear_ratio}
         signals |= {"q_ref": run.q_ref, "v_ref": run.v_ref}
         made = Recorded(Path("run.csv"), run.time, signals)
         return Replay(design, made, measured, np.radians([0.1, 0, 0, 0]), courses)
@@ -238,7 +240,7 @@ class Inputs:
         share = np.minimum(0.9, omega[:, None] / 300 * np.arange(1, n + 1) / n)
         checks = [Convergence(one, share * (i + 1) / 2, share.max(axis=1) * (i + 1) / 2)
                   for i, one in enumerate(sets)]  # fmt: skip
-        t, flights = design.wanted.time[:, None], []
+        t, flights = design.reference.planned.time[:, None], []
         for number, size in enumerate((0.01, 0.003, 0.004), 1):
             error = size * np.sin(30 * t * np.arange(1, n + 1)) * np.arange(1, n + 1)
             largest, rms = np.abs(error).max(axis=0), np.sqrt(np.mean(error**2, axis=0))

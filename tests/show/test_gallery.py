@@ -115,7 +115,7 @@ FIGURES = {
     ),
     "flights": lambda x: learning.flights("flights", x.learned[3].trials, x.robot.joint_names),
     "errors_of_flights": lambda x: learning.errors(
-        "errors", x.learned[0].wanted.time, x.learned[3].trials[:2], x.robot.joint_names
+        "errors", x.learned[0].reference.planned.time, x.learned[3].trials[:2], x.robot.joint_names
     ),
     "fly_front": lambda x: fly.front(x.flown),
     "fly_page": lambda x: _of_report(fly_report.fly_report(x.flown)),

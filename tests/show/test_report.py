@@ -176,5 +176,5 @@ def test_reference_groups_add_up(reproduced, reproduction):
     d_kk = GEAR**2 * (columns["i_eff"] - ROTOR)
     np.testing.assert_allclose(columns["tau_inertial"], d_kk * columns["vd_ref"], atol=1e-6)
     motion = Motion.from_csv(path)
-    np.testing.assert_array_equal(motion.q, reproduction.design.motion.q)
+    np.testing.assert_array_equal(motion.q, reproduction.design.reference.tracked.q)
     np.testing.assert_allclose(np.degrees(motion.q[:, 2].min()), -9.9, atol=0.05)

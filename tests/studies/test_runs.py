@@ -42,7 +42,7 @@ def test_outcomes_are_those_of_a_run(base, robot):
     row = runner.run(1)
     design = make_design(base.changed({"accuracy": 1e-3, "disturbance.amplitude": 0.2}))
     recording = simulate(design)
-    tracking, motors = track(recording, design.motion), motor_use(recording, robot)
+    tracking, motors = track(recording), motor_use(recording, robot)
     outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
     each = {"rms_speed_error": tracking.rms_speed_error}
     each |= {"peak_torque_share": motors.peak_share, "rms_torque_share": motors.rms_share}
@@ -133,7 +133,7 @@ def designed(desk, knots: str):
 
 def test_loads_of_a_run(desk):
     design = designed(desk, "[0.25, 1], [0.5, 1]")
-    run, duration = simulate(design), design.motion.duration
+    run, duration = simulate(design), design.reference.tracked.duration
     loads, rested = (
         dict(zip(motor_load_names(4), motor_loads(design, run, 0.5, pause), strict=True))
         for pause in (0.0, 120.0)

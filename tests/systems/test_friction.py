@@ -87,7 +87,7 @@ def test_no_slope_is_steeper_than_the_poles_that_a_design_checks(stretch, v):
 def test_linear_loops_have_the_slope_of_joints_that_slide_fast(designed):
     """`bode`, `linear`, `stability` and the check of `learn` are made from one process."""
     design = designed("real_device")
-    block = joint_friction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
+    block = joint_friction(friction=design.friction, gear_ratio=design.device.simulated.gear_ratio)
     fast = np.array([2.0, -2.0, 3.0, -3.0])  # rad/s
     found = slope(block, sliding_stretch(design.friction, fast), fast)
     linear = make_device(viscous_only(design)).GetSubsystemByName("friction")

@@ -113,7 +113,7 @@ def test_torques_are_evaluated_once_per_sample_in_a_run(designed, calls):
     fields = {"inverse_dynamics": "online", "controller.kind": "pi_id"}
     fields |= {"disturbance.amplitude": 0.05}
     design = designed("coupled_pi_ctc", fields, start=2.1, end=2.4)
-    motion = design.motion
+    motion = design.reference.tracked
     calls.clear()
     simulate(design)
     references = np.hstack([motion.q, motion.v, motion.vd])
@@ -128,7 +128,9 @@ def test_a_simulator_outlives_its_robot_and_design(robot, designed):
 
     def speeds(nominal):
         loop = make_loop(dataclasses.replace(online, nominal=nominal()))
-        simulator = make_simulator(loop.diagram, period=online.motion.period, accuracy=1e-4)
+        simulator = make_simulator(
+            loop.diagram, period=online.reference.tracked.period, accuracy=1e-4
+        )
         del loop
         gc.collect()
         simulator.AdvanceTo(0.1)

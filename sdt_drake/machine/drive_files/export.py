@@ -108,7 +108,7 @@ def export(
     design, source, folder = as_design(design), "drives", Path(folder)
     if not isinstance(drives, Drives):
         source = str(a_path(drives, "drives"))
-        drives = load_drives(drives, design.robot.n)
+        drives = load_drives(drives, design.device.simulated.n)
     checked_output(folder / READ_BACK)
     title = title or design.scenario.name
     with replacing_files(folder) as new:
@@ -149,7 +149,7 @@ def write_files(
         InputError: for a motion that does not start and end at rest, too short a cycle time, or
             numbers beyond the limits of a drive.
     """
-    robot, motion = design.nominal, design.motion
+    robot, motion = design.device.nominal, design.reference.tracked
     if motion.duration > MAX_PERIODS * drives.cycle_time:
         raise InputError(
             f"{source}: cycle_time: {drives.cycle_time:g} s, expected at least "
@@ -176,7 +176,7 @@ def _write_read_me(
     path: Path, design: Design, drives: Drives, points: SetPoints, title: str
 ) -> None:
     """Write what an engineer needs to know before the drives play the files."""
-    robot = design.nominal
+    robot = design.device.nominal
     axes, homing = [], []
     for k, (name, axis) in enumerate(zip(robot.joint_names, drives.axes, strict=True)):
         gear = axis.gear_ratio or robot.gear_ratio[k]
@@ -184,13 +184,13 @@ def _write_read_me(
         cells = (axis.increments, f"{gear:g}", axis.sign, axis.speed_unit, torque)
         axes.append((k + 1, name, *cells, ", ".join(axis.objects)))
         first, last = points.position[[0, -1], k]
-        start = f"{np.degrees(design.motion.q[0, k]):g}"
+        start = f"{np.degrees(design.reference.tracked.q[0, k]):g}"
         homing.append((k + 1, name, axis.zero, first, start, last))
     text = Path(__file__).with_name("export.md").read_text(encoding="utf-8")
     values = {
         "title": escaped(title),
         "version": versions()["package"],
-        "duration": design.motion.duration,
+        "duration": design.reference.tracked.duration,
         "cycle": 1e3 * drives.cycle_time,
         "rows": len(points.position),
         "axes": _rows(axes),
@@ -209,18 +209,25 @@ def _commanded(design: Design, period: float, *, still: bool = False) -> Samples
     A learned reference already compensates for its loop's errors. Torques that this loop did not
     have would compensate twice. So they are then those of the loop, not inverse dynamics.
     """
-    robot, motion, tau_ff = design.nominal, design.motion, design.tau_ff
-    is_learned = design.learned_torque is not None or motion is not design.wanted
+    robot, motion, tau_ff = (
+        design.device.nominal,
+        design.reference.tracked,
+        design.tuning.feedforward.along,
+    )
+    is_learned = design.reference.torque is not None or motion is not design.reference.planned
     if still:
         rest = np.zeros((2, robot.n))
-        motion, tau_ff = Motion.from_speeds(period, motion.q[0], rest), rest + design.steady_ff
+        motion, tau_ff = (
+            Motion.from_speeds(period, motion.q[0], rest),
+            rest + design.tuning.feedforward.steady,
+        )
     torque = np.zeros_like(motion.q) if tau_ff is None else tau_ff * robot.gear_ratio
     return samples_of(robot, motion, period, torque if is_learned else None)
 
 
 def cycles_in_a_period(design: Design, drives: Drives) -> int:
     """Return the number of drive cycles per period of the loop that is fed from the files."""
-    return max(1, round(design.motion.period / drives.cycle_time))
+    return max(1, round(design.reference.tracked.period / drives.cycle_time))
 
 
 def play_back(design: Design, drives: Drives, exported: Exported) -> list[Playback]:
@@ -229,7 +236,7 @@ def play_back(design: Design, drives: Drives, exported: Exported) -> list[Playba
     The loop's period is the multiple of the drive period nearest to the interpolation period, with
     the mean of the speeds in between. For TRAJECTORY it is the interpolation period.
     """
-    robot, whole = design.nominal, exported.samples
+    robot, whole = design.device.nominal, exported.samples
     m = cycles_in_a_period(design, drives)
     exact = _commanded(design, m * drives.cycle_time)
     points = samples_from(robot, drives, exported.points, whole.q[0])
@@ -254,10 +261,10 @@ def _playback(design: Design, source: str, samples: Samples, position_off: Array
     """Simulate the loop fed from samples."""
     made = _with_samples(design, samples)
     recording = simulate(made)
-    wanted = samples_of(design.nominal, design.wanted, samples.period)
+    wanted = samples_of(design.device.nominal, design.reference.planned, samples.period)
     return Playback(
         source,
-        made.tau_ff is not None,
+        made.tuning.feedforward.along is not None,
         position_off,
         np.abs(recording.q - wanted.q).max(axis=0),
         np.sqrt(np.mean((recording.v - wanted.v) ** 2, axis=0)),
@@ -269,10 +276,12 @@ def _with_samples(design: Design, samples: Samples) -> Design:
     period, v = samples.period, samples.v
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
     scenario = replace(design.scenario, learned="")
-    made = make_design(scenario, robot=design.nominal, motion=Motion(period, samples.q, v, vd))
+    made = make_design(
+        scenario, robot=design.device.nominal, motion=Motion(period, samples.q, v, vd)
+    )
     if not np.any(samples.tau) or not design.scenario.controller.takes_feedforward:
-        return replace(made, fed=Feedforward())
-    return made.with_feedforward(samples.tau / design.robot.gear_ratio)
+        return replace(made, feedforward_override=Feedforward())
+    return made.with_feedforward(samples.tau / design.device.simulated.gear_ratio)
 
 
 def write_read_back(path: Path, played: Sequence[Playback]) -> None:

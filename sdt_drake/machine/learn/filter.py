@@ -147,7 +147,7 @@ def design_filter(
     Raises:
         InputError: for a bandwidth that is not between 0 and the Nyquist frequency.
     """
-    period, omega = design.motion.period, frequencies(design)
+    period, omega = design.reference.tracked.period, frequencies(design)
     mean = answer = _mean(loops[0].responses)
     if of != "reference":
         answer = _mean(responses(known_loop(design), "reference"))
@@ -158,16 +158,16 @@ def design_filter(
             place="bandwidth",
         )
     if bandwidth is not None:
-        chosen = [Bandwidth(bandwidth, "as given")] * design.robot.n
+        chosen = [Bandwidth(bandwidth, "as given")] * design.device.simulated.n
     else:
         every = (response for group in loops for response in group.responses)
         spread = np.max([np.abs(1 - _own(response) / mean) for response in every], axis=0)
         chosen = [
             _trusted(design, omega, np.abs(answer[:, k]), spread[:, k])
-            for k in range(design.robot.n)
+            for k in range(design.device.simulated.n)
         ]
     size = np.abs(mean)
-    lowest = np.zeros(design.robot.n)
+    lowest = np.zeros(design.device.simulated.n)
     if of == "torque":
         share = _MIN_TORQUE_ANSWER[design.scenario.held_speed]
         lowest = omega[(size > share * size.max(axis=0)).argmax(axis=0)]
@@ -177,12 +177,12 @@ def design_filter(
 def _trusted(design: Design, omega: Array, answer: Array, spread: Array) -> Bandwidth:
     """Return the bandwidth up to which a joint's model is trusted."""
     limits = [
-        Bandwidth(np.pi / design.motion.period / 2, "the sample period"),
+        Bandwidth(np.pi / design.reference.tracked.period / 2, "the sample period"),
         Bandwidth(_first(omega, answer < _MIN_ANSWER), "the loop's own bandwidth"),
         Bandwidth(_first(omega, spread > _MAX_REMAINDER), "the spread of the loops"),
     ]
-    if design.omega_r is not None:
-        limits.append(Bandwidth(design.omega_r, "the structure's natural frequency"))
+    if design.tuning.omega_r is not None:
+        limits.append(Bandwidth(design.tuning.omega_r, "the structure's natural frequency"))
     return min(limits, key=lambda limit: limit.omega)
 
 

@@ -65,7 +65,7 @@ def demand(design: Design) -> Array:
     the torque that the torque-speed envelope allows. Above 1 a motor saturates with any reference,
     and the linear models of learning do not hold.
     """
-    motion, robot = design.wanted, design.robot
+    motion, robot = design.reference.planned, design.device.simulated
     torque = robot.gear_torque(inverse_dynamics(robot, motion.q, motion.v, motion.vd))
     if design.friction is not None:
         torque = torque + sliding_friction(design.friction, motion.v)
@@ -106,7 +106,7 @@ def responses(design: Design, of: str) -> tuple[Complex, ...]:
 
 def frequencies(design: Design) -> Array:
     """Return the frequencies of responses [rad/s], below the Nyquist frequency, (POINTS,)."""
-    return np.geomspace(_MIN_OMEGA, _MAX_SHARE * np.pi / design.motion.period, POINTS)
+    return np.geomspace(_MIN_OMEGA, _MAX_SHARE * np.pi / design.reference.tracked.period, POINTS)
 
 
 def known_loop(design: Design) -> Design:
@@ -151,12 +151,12 @@ def position_response(
     Raises:
         InputError: if the loop is unstable in this pose.
     """
-    n, period = design.robot.n, design.motion.period
+    n, period = design.device.simulated.n, design.reference.tracked.period
     loop = _sampled_loop(design, sample)
     if np.abs(np.linalg.eigvals(loop.A)).max() > _MAX_POLE:
         raise InputError(
-            f"unstable loop at {design.motion.time[sample]:.3f} s of the motion, expected a stable "
-            "one; use other gains or a better model"
+            f"unstable loop at {design.reference.tracked.time[sample]:.3f} s of the motion, "
+            "expected a stable one; use other gains or a better model"
         )
     response = loop.response(omega)
     # A delay of a part of a period acts on the whole response (approximation).
@@ -178,8 +178,8 @@ def _sampled_loop(design: Design, sample: int) -> StateSpace:
 
     Inputs are q_ref, v_ref, vd_ref and an additional torque (4n), outputs encoder positions (n).
     """
-    n = design.robot.n
-    loop = linearise(design, sample).whole().sampled(design.reference.period)
+    n = design.device.simulated.n
+    loop = linearise(design, sample).whole().sampled(design.reference.held.period)
     from_reference, from_torque = np.hsplit(loop.B, [3 * n])
     return StateSpace(
         A=loop.A,
@@ -196,8 +196,8 @@ def _feedforward(design: Design, sample: int) -> Array:
     Motor side. At rest it does not depend on the speed. Algorithm 1 contributes the load of other
     joints. Its branches and compensated friction have no derivative.
     """
-    choice, n, model = design.scenario.controller, design.robot.n, design.model
-    kind, q = choice.feedforward_in_use, design.motion.q[sample]
+    choice, n, model = design.scenario.controller, design.device.simulated.n, design.device.model
+    kind, q = choice.feedforward_in_use, design.reference.tracked.q[sample]
     if kind == "none":
         return np.zeros((n, 3 * n))
     context = model.plant.CreateDefaultContext()

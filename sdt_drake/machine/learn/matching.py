@@ -56,7 +56,7 @@ def match(
     q_ref, number = recorded.signals.get("q_ref"), -1
     if q_ref is None or recorded.of_links:  # files of `simulate` have the planned motion as q_ref
         shift = _coarse(recorded, recorded.signals["q"], _expected(filter_, references[-1]))
-        near = 2.1 * max(design.motion.period, recorded.period)
+        near = 2.1 * max(design.reference.tracked.period, recorded.period)
         shift = 0.0 if abs(shift) < near else shift
     else:
         found = [_found(recorded, q_ref, reference) for reference in references]

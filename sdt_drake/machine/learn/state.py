@@ -97,12 +97,12 @@ def read_state(folder: Path, design: Design) -> State:
     Raises:
         InputError: with the file, if it is missing or belongs to another motion.
     """
-    references = [LearnedReference(design.motion, design.learned_torque)]
+    references = [LearnedReference(design.reference.tracked, design.reference.torque)]
     trials: list[TrialRecord] = []
     for number in range(1, 1 + count_trials(folder)):
         file = trial_file(folder, number)
         trial, _ = load_yaml(TrialRecord, file)
-        check_joints(trial, file, design.robot.n)
+        check_joints(trial, file, design.device.simulated.n)
         if trial.reference > len(references):
             raise InputError(
                 f"{file}: reference: {trial.reference}, expected 1 to {len(references)}"
@@ -110,7 +110,11 @@ def read_state(folder: Path, design: Design) -> State:
         trials.append(trial)
         path = reference_file(folder, number + 1)
         margin = design.scenario.torque_margin
-        references.append(load_learned(path, design.wanted, design.nominal, torque_margin=margin))
+        references.append(
+            load_learned(
+                path, design.reference.planned, design.device.nominal, torque_margin=margin
+            )
+        )
     return State(trials, references)
 
 
@@ -162,7 +166,7 @@ def update(
             references, or an error that has grown.
     """
     check_different(recordings)
-    recordings = [without_spikes(recorded, design.robot) for recorded in recordings]
+    recordings = [without_spikes(recorded, design.device.simulated) for recorded in recordings]
     references = state.references if known is None else state.references[: known + 1]
     motions = [reference.motion for reference in references]
     found = [match(recorded, design, filter_, motions) for recorded in recordings]
@@ -173,9 +177,9 @@ def update(
             "recordings of one reference"
         )
     number = flown.pop()
-    trial = _record(design.wanted.q, found, number + 1)
+    trial = _record(design.reference.planned.q, found, number + 1)
     _refuse_growth(trial, state, recordings[0].path)
-    error = np.mean([one.q for one in found], axis=0) - design.wanted.q
+    error = np.mean([one.q for one in found], axis=0) - design.reference.planned.q
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
     findings = [
@@ -245,6 +249,6 @@ def write_step(folder: Path, design: Design, state: State, made: Update) -> Path
     with replacing_files(folder, last=trial_file(folder, number).name) as new:
         if number == 1:
             save_scenario(design.scenario, new / SCENARIO)
-        made.step.learned.to_csv(reference_file(new, number + 1), design.wanted)
+        made.step.learned.to_csv(reference_file(new, number + 1), design.reference.planned)
         write_yaml(trial_file(new, number), made.trial)
     return reference_file(folder, number + 1)

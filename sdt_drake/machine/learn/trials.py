@@ -55,18 +55,22 @@ class Trial:
 
 def run_trial(design: Design, number: int) -> Trial:
     """Simulate a design and return the result as a trial."""
-    recording, planned = simulate(design), design.wanted.q
+    recording, planned = simulate(design), design.reference.planned.q
     error = recording.q - planned
-    felt = track_head(recording, design.robot).felt.share if has_head(design.robot) else np.nan
+    felt = (
+        track_head(recording, design.device.simulated).felt.share
+        if has_head(design.device.simulated)
+        else np.nan
+    )
     return Trial(
         number=number,
-        learned=LearnedReference(design.motion, design.learned_torque),
+        learned=LearnedReference(design.reference.tracked, design.reference.torque),
         error=error,
         seen=error if recording.q_measured is None else recording.q_measured - planned,
         largest=np.abs(error).max(axis=0),
         rms=np.sqrt(np.mean(error**2, axis=0)),
         felt=felt,
-        peak=motor_use(recording, design.robot).peak_share,
+        peak=motor_use(recording, design.device.simulated).peak_share,
         saturated=recording.saturated[1:].mean(axis=0),
     )
 
@@ -98,21 +102,25 @@ def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
         error: position error at the encoders (achieved minus planned) [rad], shape (N + 1, n).
     """
     if filter_.of == "torque":
-        before = np.zeros_like(error) if design.learned_torque is None else design.learned_torque
+        before = (
+            np.zeros_like(error) if design.reference.torque is None else design.reference.torque
+        )
         return _torque_step(design, filter_.next(before, error))
-    before = design.motion.q - design.wanted.q
+    before = design.reference.tracked.q - design.reference.planned.q
     change = filter_.next(before, error) - before
 
     scenario = design.scenario
 
     def part(share: float) -> LearnedReference:
         """Return the reference with a share of the step; InputError beyond a limit."""
-        motion = _beside(design.wanted, before + share * change, filter_)
-        learned = LearnedReference(motion, design.learned_torque)
-        learned.check(design.wanted, design.nominal, torque_margin=scenario.torque_margin)
+        motion = _beside(design.reference.planned, before + share * change, filter_)
+        learned = LearnedReference(motion, design.reference.torque)
+        learned.check(
+            design.reference.planned, design.device.nominal, torque_margin=scenario.torque_margin
+        )
         return learned
 
-    step = Step(LearnedReference(design.motion, design.learned_torque), 0.0, "")
+    step = Step(LearnedReference(design.reference.tracked, design.reference.torque), 0.0, "")
     share, high = 1.0, 1.0
     for _ in range(1 + _HALVINGS):
         try:
@@ -136,17 +144,17 @@ def _beside(planned: Motion, change: Array, filter_: LearningFilter) -> Motion:
 
 def _torque_step(design: Design, torque: Array) -> Step:
     """Return the step to a learned torque, motor side [N m], clipped to the available torque."""
-    robot = as_driven(design.nominal, design.scenario.drive)
-    available = robot.torque_range(design.motion.v, design.scenario.torque_margin)
+    robot = as_driven(design.device.nominal, design.scenario.drive)
+    available = robot.torque_range(design.reference.tracked.v, design.scenario.torque_margin)
     least, most = (limit / robot.gear_ratio for limit in available)
     within, limit = np.clip(torque, least, most), ""
     if np.any(within != torque):
         i, k = np.argwhere(within != torque)[0]
         limit = (
-            f"joint {k + 1} at {design.motion.time[i]:.3f} s: {torque[i, k]:.6g} N m, motor side, "
-            f"available {least[i, k]:.6g} to {most[i, k]:.6g} N m"
+            f"joint {k + 1} at {design.reference.tracked.time[i]:.3f} s: {torque[i, k]:.6g} N m, "
+            f"motor side, available {least[i, k]:.6g} to {most[i, k]:.6g} N m"
         )
-    return Step(LearnedReference(design.motion, within), 1.0, limit)
+    return Step(LearnedReference(design.reference.tracked, within), 1.0, limit)
 
 
 def learn(

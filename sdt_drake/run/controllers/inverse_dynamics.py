@@ -35,9 +35,11 @@ class InverseDynamics(Feedback):
     def feedback(self, design: Design) -> Diagram:
         builder = DiagramBuilder()
         law = inverse_dynamics_controller(
-            model=design.model,
-            omega_n=design.omega_n,
-            zeta=damping_ratio(design.gains, design.gains.ki / design.omega_n**2),
+            model=design.device.model,
+            omega_n=design.tuning.omega_n,
+            zeta=damping_ratio(
+                design.tuning.gains, design.tuning.gains.ki / design.tuning.omega_n**2
+            ),
         )
         builder.AddNamedSystem("inverse_dynamics", law)
         for name in ("reference", "sampled_state"):
@@ -49,4 +51,6 @@ class InverseDynamics(Feedback):
         return self.feedback(design)
 
     def in_words(self, design: Design) -> str:
-        return f"feedback linearisation of the whole state every {design.motion.period:g} s"
+        return (
+            f"feedback linearisation of the whole state every {design.reference.tracked.period:g} s"
+        )

@@ -48,7 +48,7 @@ class PPi(PiLoops, ChosenFeedforward, PositionGain):
 
 def _position_loops(design: Design) -> Ahead:
     def add(builder: DiagramBuilder) -> Mapping[str, OutputPort]:
-        loop = position_loop(position_gain=design.position_gain)
+        loop = position_loop(position_gain=design.tuning.position_gain)
         builder.AddNamedSystem("position_loop", loop)
         builder.ExportInput(loop.GetInputPort("reference"), "reference")
         builder.ExportInput(loop.GetInputPort("sampled_state"), "sampled_state")

@@ -134,8 +134,8 @@ def pi_feedback(
     """
     builder, choice = DiagramBuilder(), cast(PiLoops, feedback_of(design))
     pi = pi_speed_controller(
-        gains=SpeedGains(kp=share * design.gains.kp, ki=share * design.gains.ki),
-        gear_ratio=design.robot.gear_ratio,
+        gains=SpeedGains(kp=share * design.tuning.gains.kp, ki=share * design.tuning.gains.ki),
+        gear_ratio=design.device.simulated.gear_ratio,
         setpoint_weight=choice.setpoint_weight,
         anti_windup=choice.anti_windup and not is_linear,
         period=design.drive.period,
@@ -163,9 +163,11 @@ def start_integrals(
 
     The proportional gain then commands K_PS (b - 1) r v.
     """
-    v = (design.motion if start is None else start).v[0]
+    v = (design.reference.tracked if start is None else start).v[0]
     b = cast(PiLoops, feedback_of(design)).setpoint_weight
-    proportional = -(1 - b) * (share * design.gains.kp * design.robot.gear_ratio) * v
+    proportional = (
+        -(1 - b) * (share * design.tuning.gains.kp * design.device.simulated.gear_ratio) * v
+    )
     pi = cast(Diagram, system).GetSubsystemByName("pi_speed_controller")
     own = cast(Diagram, system).GetMutableSubsystemContext(pi, context)
-    set_integral(pi, own, tau - proportional, gains=design.gains)
+    set_integral(pi, own, tau - proportional, gains=design.tuning.gains)

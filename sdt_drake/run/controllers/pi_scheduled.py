@@ -35,12 +35,12 @@ class PiScheduled(WeightedPi, ChosenFeedforward):
 
     def linear(self, design: Design, sample: int) -> Diagram:
         # Drake cannot linearise the schedule of a sampled controller.
-        return pi_feedback(design, share=design.inertia_share[sample], is_linear=True)
+        return pi_feedback(design, share=design.tuning.inertia_share[sample], is_linear=True)
 
     def start(
         self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
     ) -> None:
-        start_integrals(system, context, design, tau, start, share=design.inertia_share[0])
+        start_integrals(system, context, design, tau, start, share=design.tuning.inertia_share[0])
         table = cast(Diagram, system).GetSubsystemByName("inertia_table")
         start_table(table, cast(Diagram, system).GetMutableSubsystemContext(table, context))
 
@@ -50,11 +50,13 @@ class PiScheduled(WeightedPi, ChosenFeedforward):
 
 def _schedule(design: Design) -> Ahead:
     def add(builder: DiagramBuilder) -> Mapping[str, OutputPort]:
-        share = {"inertia_share": design.inertia_share}
+        share = {"inertia_share": design.tuning.inertia_share}
         delay = design.drive.reference_delay
-        table = signal_table(motion=design.reference, signals=share, delay=delay)
+        table = signal_table(motion=design.reference.held, signals=share, delay=delay)
         builder.AddNamedSystem("inertia_table", table)
-        schedule = builder.AddNamedSystem("gain_schedule", gain_schedule(n=design.robot.n))
+        schedule = builder.AddNamedSystem(
+            "gain_schedule", gain_schedule(n=design.device.simulated.n)
+        )
         builder.Connect(table.get_output_port(), schedule.GetInputPort("inertia_share"))
         builder.ExportInput(schedule.GetInputPort("reference"), "reference")
         builder.ExportInput(schedule.GetInputPort("measured"), "measured")

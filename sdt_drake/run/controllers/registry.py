@@ -113,8 +113,9 @@ def register_controller(
         >>> from sdt_drake.run.controllers import CONTROLLERS, register_controller
         >>> from sdt_drake.systems import pi_speed_controller
         >>> def half(design):
-        ...     r = design.robot.gear_ratio
-        ...     return pi_speed_controller(gains=design.gains, gear_ratio=r, setpoint_weight=0.5)
+        ...     r = design.device.simulated.gear_ratio
+        ...     gains = design.tuning.gains
+        ...     return pi_speed_controller(gains=gains, gear_ratio=r, setpoint_weight=0.5)
         >>> register_controller("half", half)
         >>> CONTROLLERS["half"](omega_r=66.0).label
         'half'

@@ -15,7 +15,7 @@ RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 @typed
 def replay_figure(replay: Replay) -> Figure:
     """Draw recorded and simulated errors and torques, a row for each joint."""
-    time, names = replay.design.motion.time, replay.design.robot.joint_names
+    time, names = replay.design.reference.tracked.time, replay.design.device.simulated.joint_names
     columns: list[list[Panel]] = []
     for name, measured in replay.measured.items():
         metric, simulated = QUANTITIES[name], replay.courses[AS_IT_IS][name]

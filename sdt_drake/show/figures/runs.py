@@ -98,7 +98,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
 @typed
 def loop_step(response: LoopStep) -> Figure:
     """Draw the response of a loop to a step, a row for each joint."""
-    names, look, t = response.design.robot.joint_names, nth_look(0), response.time
+    names, look, t = response.design.device.simulated.joint_names, nth_look(0), response.time
     degrees = np.degrees(response.position_error)
     torque, cut = [("", MOTOR_TORQUE, response.tau)], response.saturated
     panels = [
@@ -136,7 +136,7 @@ def speed_errors(
     largest = [[f"{label} {x:.3g}" for x in np.abs(v).max(axis=0)] for label, _, v in lines]
     panels = over_time(
         "speed error [rad/s]", motion.time, lines, joint_names,
-        marked=constant_speed_segments(motion), marked_label="constant speed",
+        marked=constant_speed_segments(motion.v, motion.period), marked_label="constant speed",
         notes=[f"largest: {', '.join(of_joint)} rad/s" for of_joint in zip(*largest, strict=True)],
     )  # fmt: skip
     return picture(title, [panels])
@@ -222,8 +222,8 @@ def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
 @typed
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
     """Draw controllers side by side: errors, torques, and the share of time with a felt error."""
-    names = numbered(compared[0].design.robot.joint_names)
-    has_heads = all(has_head(c.design.robot) for c in compared)
+    names = numbered(compared[0].design.device.simulated.joint_names)
+    has_heads = all(has_head(c.design.device.simulated) for c in compared)
     looks = looks_of([c.label for c in compared])
     with style():
         bottom = 2.55 if has_heads else 0.85

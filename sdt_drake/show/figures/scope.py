@@ -36,10 +36,12 @@ def scope(
         InputError: if `joint` does not exist, or design and recording have different joints.
     """
     n = recording.q.shape[1]
-    if design is not None and design.robot.n != n:
-        raise InputError(f"design: {design.robot.n} joint(s), expected {n}, as in the recording")
+    if design is not None and design.device.simulated.n != n:
+        raise InputError(
+            f"design: {design.device.simulated.n} joint(s), expected {n}, as in the recording"
+        )
     joints = chosen_joints(joint, n)
-    names = [""] * n if design is None else design.robot.joint_names
+    names = [""] * n if design is None else design.device.simulated.joint_names
     columns = joint_columns(recording, design, names)
     return picture(title, [columns[k] for k in joints])
 
@@ -110,7 +112,7 @@ def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
         design: its design.
         k: joint, counted from 0.
     """
-    ratio, n = design.robot.gear_ratio[k], design.robot.n
+    ratio, n = design.device.simulated.gear_ratio[k], design.device.simulated.n
     corners: list[float] = []
     envelope = design.envelope
     if envelope is not None and np.isfinite(envelope.n0[k]):
@@ -118,10 +120,10 @@ def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
     speed = np.concatenate([ratio * recording.v[:, k], corners])
     torque = np.concatenate([recording.tau[:, k], np.full(len(corners), np.nan)])
     order = np.argsort(speed, kind="stable")
-    at = np.repeat(speed[order, None], n, axis=1) / design.robot.gear_ratio
+    at = np.repeat(speed[order, None], n, axis=1) / design.device.simulated.gear_ratio
     lower, upper = (np.broadcast_to(limit, at.shape)[:, k] for limit in motor_limits(design, at))
     return Panel(
-        joint_title(k, design.robot.joint_names[k]),
+        joint_title(k, design.device.simulated.joint_names[k]),
         "motor speed [rad/s]",
         "torque [N m], motor side",
         speed[order],

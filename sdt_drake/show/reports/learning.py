@@ -94,7 +94,7 @@ def write_learned(folder: Path, design: Design, result: LearningResult) -> None:
     name = f"{design.scenario.name}_learned"
     scenario = design.scenario.changed({"name": name, "learned": LEARNED})
     with replacing_files(folder) as new:
-        result.best.learned.to_csv(new / LEARNED, design.wanted)
+        result.best.learned.to_csv(new / LEARNED, design.reference.planned)
         save_scenario(scenario, new / SCENARIO)
         _write_flights(new / FLIGHTS, result.trials)
 
@@ -123,7 +123,7 @@ def write_learning_report(
         checks: checks of its convergence.
         result: the flights.
     """
-    names, first, best = design.robot.joint_names, result.trials[0], result.best
+    names, first, best = design.device.simulated.joint_names, result.trials[0], result.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
     rows = [flight_numbers(trial) for trial in result.trials]
@@ -138,7 +138,9 @@ def write_learning_report(
         Picture(
             "errors.png",
             "Errors of the first and of the best flight.",
-            figures.errors(f"{title}, position errors", design.wanted.time, compared, names),
+            figures.errors(
+                f"{title}, position errors", design.reference.planned.time, compared, names
+            ),
         ),
     ]
     convergence: list[Block] = [

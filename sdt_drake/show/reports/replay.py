@@ -39,7 +39,7 @@ def tables(replay: Replay) -> list[doc.Table]:
     The first has the share that the simulation explains. The others have the difference of each
     quantity, with a row for each change of the simulation.
     """
-    joints = numbered(replay.design.robot.joint_names)
+    joints = numbered(replay.design.device.simulated.joint_names)
     rows = [(QUANTITIES[x].title, *_explained(replay, x)) for x in replay.measured]
     due = replay.due_to_model
     if due is not None:
@@ -80,7 +80,7 @@ def replay_findings(replay: Replay) -> list[str]:
             f"The recording has {gaps}, filled by straight lines; differences there are not the "
             "machine's."
         )
-    checked = check_recording(replay.design.robot, recorded)
+    checked = check_recording(replay.design.device.simulated, recorded)
     findings += [f"Note: {recorded.path.name}: {note}." for note in recorded.notes]
     return findings + [f"Warning: {found}" for found in checked]
 
@@ -88,11 +88,11 @@ def replay_findings(replay: Replay) -> list[str]:
 def _of_the_reference(replay: Replay) -> Iterator[str]:
     """Return sentences on the simulated loop, and on what was not recorded."""
     design, signals = replay.design, replay.recorded.signals
-    replaced = design.tau_ff is not None and design.feedforward is None
+    replaced = design.tuning.feedforward.along is not None and design.tuning.feedforward.law is None
     yield doc.said(
         "The reference has {:g} s, sampled every {:g} ms, on the {} plant with {:code}{}.",
-        design.motion.duration,
-        1e3 * design.motion.period,
+        design.reference.tracked.duration,
+        1e3 * design.reference.tracked.period,
         design.scenario.plant.kind,
         design.scenario.controller.label,
         "; the recorded torque feedforward replaces the controller's own" if replaced else "",

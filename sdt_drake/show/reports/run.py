@@ -81,7 +81,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
     tracked = [(METRICS[name], run.metrics[name]) for name in COMPARED]
     tracking = _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked])
     over_speed = Plots([[torque_over_speed(recording, design, k)] for k in joints])
-    story = story_of(scenario.motion, design.robot, design.motion)
+    story = story_of(scenario.motion, design.device.simulated, design.reference.tracked)
     yaml = details("The scenario, every field of it, as YAML", fenced(yaml_text(scenario).rstrip()))
     sections = [
         Section("In short", [answer.in_short()]),
@@ -112,10 +112,10 @@ class _Answer:
 
     @property
     def has_head(self) -> bool:
-        return has_head(self.run.design.robot)
+        return has_head(self.run.design.device.simulated)
 
     def _joint(self, k: int) -> str:
-        return joint_title(k, self.run.design.robot.joint_names[k])
+        return joint_title(k, self.run.design.device.simulated.joint_names[k])
 
     def _worst(self, largest: Array, errors: Array) -> dict[str, Any]:
         """Return index, name, error and time of the joint with the largest error."""
@@ -172,8 +172,8 @@ class _Answer:
             "error {q[error]:.4g} deg ({q[joint]}); {}.**",
             state, v=self.speed, q=self.position,
         )  # fmt: skip
-        motion, duration = Path(scenario.motion).stem, design.reference.duration
-        ran = said("{} on {}, {:g} s.", design.robot.name, motion, duration)
+        motion, duration = Path(scenario.motion).stem, design.reference.held.duration
+        ran = said("{} on {}, {:g} s.", design.device.simulated.name, motion, duration)
         return [answer, said("Next: {} {}", Marked(advice), ran)]
 
     def in_short(self) -> Marked:
@@ -203,7 +203,7 @@ class _Answer:
             yield said("**Loops:** unstable in linear analysis: {}.", "; ".join(self.unstable))
         elif isinstance(self.response, FrequencyResponse):
             yield _margins(self.response)
-        for line in stops_passed(run.recording, run.design.robot.joint_names):
+        for line in stops_passed(run.recording, run.design.device.simulated.joint_names):
             yield said("**Note:** {}.", line)
 
 
@@ -240,11 +240,16 @@ def _margins(response: FrequencyResponse) -> Marked:
 
 def _what(design: Design) -> Iterator[tuple[str, str]]:
     """Return robot, motion, controller, plant and drives in words."""
-    scenario, wanted = design.scenario, design.wanted
-    choice, plant, drive, robot = scenario.controller, scenario.plant, scenario.drive, design.robot
+    scenario, wanted = design.scenario, design.reference.planned
+    choice, plant, drive, robot = (
+        scenario.controller,
+        scenario.plant,
+        scenario.drive,
+        design.device.simulated,
+    )
     file, motion = code(Path(scenario.robot).name), code(Path(scenario.motion).name)
     yield "robot", said("{}, {} ({})", robot.name, joint_count(robot.n), file)
-    learned = "" if design.motion is wanted else "; the reference is learned"
+    learned = "" if design.reference.tracked is wanted else "; the reference is learned"
     yield "motion", said("{}, {:g} s at {:g} s{}", motion, wanted.duration, wanted.period, learned)
     controller = feedback_of(design).in_words(design)
     yield "controller", said("{:code}: {}", choice.label, controller)
@@ -255,10 +260,10 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
             "none",
             (f"{choice.feedforward_in_use}{gain}", choice.feedforward_in_use != "none"),
             ("friction at the speed of the reference", choice.friction_compensation),
-            ("learned torque", design.learned_torque is not None),
+            ("learned torque", design.reference.torque is not None),
         ),
     )
-    exact = design.model.sdf == robot.sdf
+    exact = design.device.model.sdf == robot.sdf
     yield "controller's model", "exact" if exact else "differs from the simulated robot"
     coupled = "all joints coupled, by Drake's MultibodyPlant"
     alone = "each axis alone, with the load torque of the reference motion"
@@ -271,7 +276,7 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
             (f"with the inertia {inertia} kg m² on the motors", inertia),
             ("with friction", not plant.friction.is_none),
             ("with elastic joints", not plant.elasticity.is_rigid),
-            ("with deviations", robot is not design.nominal),
+            ("with deviations", robot is not design.device.nominal),
             ("with a disturbance", scenario.disturbance.amplitude),
         ),
     )
@@ -294,15 +299,15 @@ def _those(default: str, *clauses: tuple[str, object]) -> str:
 
 def _gains(design: Design) -> Table:
     columns = [
-        ("effective inertia [kg m²]", ".4g", design.inertia.maximum),
-        ("K_PS [N m s/rad]", ".6g", design.gains.kp),
-        ("K_IS [N m/rad]", ".6g", design.gains.ki),
-        ("ω_n [rad/s]", ".4g", design.omega_n),
-        ("largest torque [N m]", ".4g", design.robot.motor_torque_limit),
-        ("gear ratio", ".4g", design.robot.gear_ratio),
+        ("effective inertia [kg m²]", ".4g", design.tuning.inertia.maximum),
+        ("K_PS [N m s/rad]", ".6g", design.tuning.gains.kp),
+        ("K_IS [N m/rad]", ".6g", design.tuning.gains.ki),
+        ("ω_n [rad/s]", ".4g", design.tuning.omega_n),
+        ("largest torque [N m]", ".4g", design.device.simulated.motor_torque_limit),
+        ("gear ratio", ".4g", design.device.simulated.gear_ratio),
     ]
     if hasattr(design.scenario.controller, "position_gain"):
-        columns.insert(3, ("K_V [1/s]", ".4g", design.position_gain))
+        columns.insert(3, ("K_V [1/s]", ".4g", design.tuning.position_gain))
     return _table(
         design, columns, "Motor side: the largest inertia along the motion, and the gains"
     )
@@ -312,7 +317,7 @@ def _table(
     design: Design, columns: Sequence[tuple[str, str, NDArray[Any]]], title: str = ""
 ) -> Table:
     """Make a table with a row for each joint; columns as in `by_joint`."""
-    return Table(*by_joint(design.robot.joint_names, columns), title)
+    return Table(*by_joint(design.device.simulated.joint_names, columns), title)
 
 
 def _loops(design: Design, response: FrequencyResponse | str) -> list[Block]:
@@ -341,7 +346,7 @@ def _over_time(run: Compared, joints: Sequence[int], name: Any) -> Iterator[Bloc
     yield said("> {}", shown)
     panels = joint_panels(run.recording, run.design)
     for k in joints:
-        title = joint_title(k, run.design.robot.joint_names[k]).capitalize()
+        title = joint_title(k, run.design.device.simulated.joint_names[k]).capitalize()
         caption = f"{title}: torques are motor side, all else joint side."
         if np.any(run.recording.saturated[:, k] > 0):
             caption += " On grey ground the motor gives less torque than commanded."
@@ -384,7 +389,7 @@ def _predicted(run: Compared, story: Story) -> tuple[list[Block], str]:
     """Return the predicted illusions, and if the intended one is predicted."""
     design, head = run.design, run.head.achieved
     try:
-        felt = feel(head, design.motion.period, FELT_MODEL)
+        felt = feel(head, design.reference.tracked.period, FELT_MODEL)
         found = [f"{one}." for one in illusions(felt, head)]
         sentence = ""
         if story.illusion:
@@ -398,7 +403,7 @@ def _predicted(run: Compared, story: Story) -> tuple[list[Block], str]:
 
 
 def _in_3d(run: Compared, story: Story, name: Any) -> list[Block]:
-    robot, recording = run.design.robot, run.recording
+    robot, recording = run.design.device.simulated, run.recording
     try:
         title = run.design.scenario.name
         page = recorded_page(robot, recording.time, recording.q, title=title, story=story)

@@ -122,9 +122,11 @@ def view(
         >>> sdt.view(sdt.load("axis_pi")).save("run.html")
     """
     design = as_design(design)
-    motion, title = design.motion, design.scenario.name
+    motion, title = design.reference.tracked, design.scenario.name
     time, q = (motion.time, motion.q) if recording is None else (recording.time, recording.q)
-    return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)
+    return Animation(
+        recorded_page(design.device.simulated, time, q, title=title, pilot=pilot), title
+    )
 
 
 @contextmanager
