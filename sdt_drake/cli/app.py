@@ -155,8 +155,10 @@ def _run(arguments: Sequence[str]) -> int:
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         command, bound, _ = commands(arguments[0]).parse_args(arguments)
         _check_surroundings(bool(bound.arguments.get("show")))
+        given = bound.arguments
+        trust = getattr(given.get("given"), "trust", given.get("trust", False))
         try:
-            with asking(_ask), trusting(bool(bound.arguments.get("trust"))):
+            with asking(_ask), trusting(trust):
                 code: int | None = command(*bound.args, **bound.kwargs)
         except InputError as error:
             raise in_options(error, bound) from None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, number
+from sdt_drake.cli.common import Given, Out, Scenario, Show, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.results import RESULT_TABLES
 
@@ -23,8 +23,7 @@ def run(
     time: Annotated[float | None, number(gte=0)] = None,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Compute the frequency response of each joint's loop: bandwidth, margins, peak.
 
@@ -38,7 +37,7 @@ def run(
     from sdt_drake.analysis.frequency_response import left_out
 
     common.check_out(out, show, RESULT_TABLES)
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     response = sdt.bode(design, time=time)
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
+from sdt_drake.cli.common import Given, Out, Scenario, Show
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import within
 from sdt_drake.io.results import RESULT_TABLES, Results
@@ -22,8 +22,7 @@ def run(
     *,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Split the speed error of a scenario on the axis plant into its causes.
 
@@ -37,7 +36,7 @@ def run(
     from sdt_drake.analysis.budget import error_budget
 
     common.check_out(out, show, RESULT_TABLES)
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     with within(scenario):
         budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -128,7 +129,18 @@ Trust = Annotated[
         help="run the Python file that the scenario names without asking",
     ),
 ]
-"""The option of every command that loads scenarios; `app` handles it before the command runs."""
+"""The option of every command that runs Python files; `app` handles it before the command runs."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Given:
+    """Options of every command that loads a scenario or a study."""
+
+    changes: Changes = ()
+    trust: Trust = False
+
+
 Integer = Annotated[int, Parameter(converter=_whole)]
 Target = Annotated[Path, Parameter(converter=_path)]
 Out = Annotated[Path | None, Parameter(converter=_path)]

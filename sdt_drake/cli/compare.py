@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common, completion
-from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
+from sdt_drake.cli.common import Given, Out, Scenario, Show
 from sdt_drake.cli.printing import echo, print_table
 
 if TYPE_CHECKING:
@@ -27,8 +27,7 @@ def run(
     controllers: Annotated[str | None, Parameter(completer=completion.controllers)] = None,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Run a scenario with several controllers and compare their errors.
 
@@ -43,7 +42,7 @@ def run(
     from sdt_drake.analysis.tracking import stops_passed
 
     common.check_out(out, show, [".csv"])
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     name, plant = design.scenario.name, design.scenario.plant.kind
     text = CONTROLLERS[plant] if controllers is None else controllers
     labels = [label.strip() for label in text.split(",") if label.strip()]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Integer, Out, Scenario, Trust, number
+from sdt_drake.cli.common import Flag, Given, Integer, Out, Scenario, number
 from sdt_drake.cli.printing import echo
 
 
@@ -19,8 +19,7 @@ def run(
     depth: Annotated[Integer, number(gte=0, lte=100)] = 2,
     drake: Flag = False,
     out: Out = None,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Export the block diagram of a scenario's loop.
 
@@ -39,7 +38,7 @@ def run(
     format_ = format or (suffix if suffix in FORMATS else "dot")
     if out is not None:
         common.check_file(out, [f".{format_}"] if format else [f".{f}" for f in FORMATS])
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = out or Path(f"{name}.{format_}")
     loop = make_loop(design).diagram

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Integer, Scenario, Target, Trust, number, one_of
+from sdt_drake.cli.common import Given, Integer, Scenario, Target, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
@@ -26,8 +26,7 @@ def run(
     out: Target = Path("exported"),
     scenario: Annotated[str | None, one_of("scenario")] = None,
     cam_points: Annotated[Integer, number(gte=2)] = 1000,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Write a motion as the files that drives and robot controllers read.
 
@@ -52,7 +51,7 @@ def run(
     from sdt_drake.run.scenario import load_scenario
 
     common.check_folder(out, FILES)
-    source, changed = motion, dict(changes)
+    source, changed = motion, dict(given.changes)
     if not common.is_scenario(source):
         changed["motion"] = source
         source = scenario or "training"
@@ -90,8 +89,7 @@ def fmu(
     *,
     out: Target = Path("loop.fmu"),
     input: Literal["torque", "reference"] = "torque",
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Write the loop of a scenario as an FMU (FMI 2) for other simulators.
 
@@ -106,7 +104,7 @@ def fmu(
     from sdt_drake.machine.fmu import write_fmu
 
     common.check_file(out, (".fmu",))
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     write_fmu(design, out, input)
     echo(f"{out} written: the loop of {scenario} with the {input} as input")
     echo(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Columns, Flag, Integer, Target, Trust, number, one_of
+from sdt_drake.cli.common import Changes, Columns, Flag, Given, Integer, Target, number, one_of
 from sdt_drake.cli.printing import echo, print_document_table, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, replacing_files
@@ -66,8 +66,7 @@ def run(
     draws: _Draws = None,
     all: Flag = False,
     out: Target = Path("learned"),
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Fly a motion several times and learn a better reference from its errors.
 
@@ -82,7 +81,7 @@ def run(
         out: folder for the learned reference, a scenario with it, and a report
     """
     checked = _checked(of, bandwidth, study, draws)
-    _simulated(out, scenario, changes, flights, not all, checked)
+    _simulated(out, scenario, given.changes, flights, not all, checked)
 
 
 def update(
@@ -97,8 +96,7 @@ def update(
     bandwidth: _Bandwidth = None,
     study: _Study = None,
     draws: _Draws = None,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Learn the next reference from recordings of the real machine flying the last one.
 
@@ -111,7 +109,7 @@ def update(
         motion: motion that was flown (shipped name or file), for a check
     """
     checked = _checked(of, bandwidth, study, draws)
-    _from_recordings(state, recordings, scenario, changes, motion, columns, checked)
+    _from_recordings(state, recordings, scenario, given.changes, motion, columns, checked)
 
 
 def _checked(of: str, bandwidth: float | None, study: str | None, draws: int | None) -> Checked:

@@ -10,12 +10,12 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import (
     Changes,
+    Given,
     Integer,
     Motion,
     OtherRobot,
     Out,
     Show,
-    Trust,
     number,
     one_of,
 )
@@ -52,8 +52,7 @@ def run(
     gains: Gains = "clark2019",
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Predict the pilot's perception of a motion, and of the controller's errors.
 
@@ -74,7 +73,7 @@ def run(
 
     common.check_out(out, show, [".csv"])
     perception = load_perception(gains)
-    name, recording, model, story = _recorded(scenario, robot, changes)
+    name, recording, model, story = _recorded(scenario, robot, given.changes)
     if recording.q.shape[1] != model.n:
         raise InputError(
             f"{scenario}: recorded with {recording.q.shape[1]} joint(s), "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Columns, Out, Scenario, Show, Side, Trust
+from sdt_drake.cli.common import Columns, Given, Out, Scenario, Show, Side
 from sdt_drake.cli.printing import echo, print_document_table
 
 
@@ -17,8 +17,7 @@ def run(
     side: Side = None,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Simulate a recorded reference, and compare the recording with the simulation.
 
@@ -43,7 +42,7 @@ def run(
     common.check_out(out, show, ["", ".csv"])
     if out is not None and not out.suffix:
         common.check_folder(out, FILES)
-    loaded = sdt.load(scenario, dict(changes))
+    loaded = sdt.load(scenario, dict(given.changes))
     replayed = sdt.replay(recording, loaded, columns=columns, side=side)
     for line in replay_findings(replayed):
         echo(plain(line))

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Integer, Out, Scenario, Show, Trust
+from sdt_drake.cli.common import Given, Integer, Out, Scenario, Show
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
@@ -26,8 +26,7 @@ def run(
     out: Out = None,
     show: Show = False,
     joint: Annotated[Integer | None, Parameter(metavar="K")] = None,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Run a scenario and print the errors of the joints.
 
@@ -46,7 +45,7 @@ def run(
     is_drawn = show or (out is not None and out.suffix not in TABLES)
     if joint is not None and not is_drawn:
         raise InputError("--joint: has no effect without a figure, add --out run.png or --show")
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     joints = chosen_joints(joint, design.device.simulated.n, "--joint")
     recording = sdt.simulate(design)
     tracking = sdt.track(recording)

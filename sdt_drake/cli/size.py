@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-from sdt_drake.cli.common import Changes, Out, Trust, check_folder, one_of
+from sdt_drake.cli.common import Given, Out, check_folder, one_of
 from sdt_drake.cli.printing import echo
 from sdt_drake.cli.study import FAILED, Cluster, Resume, Workers, run_into
 from sdt_drake.io.files import replacing_files, write_text
@@ -20,8 +20,7 @@ def run(
     workers: Workers = None,
     cluster: Cluster = None,
     resume: Resume = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> int:
     """Find the lightest sufficient motors for each controller, with a report of the reasons.
 
@@ -38,7 +37,7 @@ def run(
     from sdt_drake.studies.summary import failures
     from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, verdict_table
 
-    chosen, base = load_sizing(sizing, dict(changes))
+    chosen, base = load_sizing(sizing, dict(given.changes))
     folder = out or Path(chosen.name)
     check_folder(folder, ("sizing.txt", "candidates.csv", *FILES))
     run_into(folder, chosen.study(), base, workers, cluster, resume)

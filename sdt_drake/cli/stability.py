@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, Trust, number
+from sdt_drake.cli.common import Given, OmegaR, Out, Scenario, Show, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.errors import InputError
@@ -33,8 +33,7 @@ def run(
     damping: Annotated[float | None, number(gte=0)] = None,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Find the largest stable gains with elastic joints: sweep omega_n / omega_r.
 
@@ -53,7 +52,7 @@ def run(
     common.check_out(out, show, RESULT_TABLES)
     if omega_r is not None:
         finite_number(omega_r, "--omega-r", minimum=MIN_OMEGA_R)
-    design = common.design_of(scenario, changes)
+    design = common.design_of(scenario, given.changes)
     chosen, choice = design.scenario, design.scenario.controller
     frequency, source = _omega_r(design, scenario, omega_r)
     if damping is None:

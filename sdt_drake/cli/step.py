@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Integer, OmegaR, Out, Show, Trust, number, one_of
+from sdt_drake.cli.common import Changes, Given, Integer, OmegaR, Out, Show, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
 from sdt_drake.paper.published import OMEGA_R, table1
@@ -32,8 +32,7 @@ def run(
     zeta: float | None = None,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Simulate the response to a step: at an input of a scenario's loop, or of one speed loop.
 
@@ -59,11 +58,11 @@ def run(
     of_loop = {"input": input, "joint": joint, "size": size, "at": at, "duration": duration}
     of_axis = {"inertia": inertia, "structure": structure, "omega_r": omega_r, "zeta": zeta}
     if scenario is None:
-        common.refuse("needs a SCENARIO, whose loop steps", **of_loop, changes=changes)
+        common.refuse("needs a SCENARIO, whose loop steps", **of_loop, changes=given.changes)
         _axis(**_given(of_axis), out=out, show=show)
     else:
         common.refuse("is that of the single speed loop, which has no SCENARIO", **of_axis)
-        _loop(scenario, changes, _given(of_loop), out, show)
+        _loop(scenario, given.changes, _given(of_loop), out, show)
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Integer, Out, Target, Trust, one_of
+from sdt_drake.cli.common import Given, Integer, Out, Target, Trust, one_of
 from sdt_drake.cli.printing import bar, echo, errors, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 
@@ -41,8 +41,7 @@ def run(
     workers: Workers = None,
     cluster: Cluster = None,
     resume: Resume = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> int:
     """Run many variants of a scenario.
 
@@ -57,7 +56,7 @@ def run(
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
-    loaded, base = load_study(study, dict(changes))
+    loaded, base = load_study(study, dict(given.changes))
     folder = out or Path(loaded.name)
     results = run_into(folder, loaded, base, workers, cluster, resume)
     table = read_study_table(folder)

@@ -35,7 +35,11 @@ def in_options(error: InputError, bound: BoundArguments) -> InputError:
         for name, parameter in bound.signature.parameters.items()
         if parameter.kind is Parameter.KEYWORD_ONLY
     }
-    return type(error)(*(_told(one, options, bound.arguments) for one in error.problems))
+    given = bound.arguments.get("given")
+    values = bound.arguments | ({} if given is None else vars(given))
+    if "given" in options:
+        options |= {"changes": "--set", "trust": "--trust"}
+    return type(error)(*(_told(one, options, values) for one in error.problems))
 
 
 def _told(problem: Problem, options: Mapping[str, str], given: Mapping[str, Any]) -> Problem:

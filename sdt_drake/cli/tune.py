@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, Trust, one_of
+from sdt_drake.cli.common import Changes, Given, OmegaR, OtherRobot, Out, Show, one_of
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import RESULT_TABLES, Results
@@ -34,8 +34,7 @@ def run(
     zeta: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
     out: Out = None,
     show: Show = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Compute the effective inertia along a motion, and tune the controller gains.
 
@@ -53,18 +52,18 @@ def run(
     """
     common.check_out(out, show, RESULT_TABLES)
     is_scenario = common.is_scenario(what)
-    given = {"omega_r": omega_r, "zeta": zeta}
+    own = {"omega_r": omega_r, "zeta": zeta}
     if is_scenario:
         for name, value in (("robot", robot), ("period", period)):
             common.refuse(f"has no effect on a scenario, use --set {name}=...", **{name: value})
-        design = _of_scenario(what, given, changes)
+        design = _of_scenario(what, own, given.changes)
     else:
-        common.refuse_changes(changes, what)
-        design = _of_motion(what, robot or common.ROBOT, period, given)
+        common.refuse_changes(given.changes, what)
+        design = _of_motion(what, robot or common.ROBOT, period, own)
     tuning = design.tuning
     numbers = tuning.numbers
     _print_gains(design, numbers)
-    for line in _notes(design, is_scenario, given):
+    for line in _notes(design, is_scenario, own):
         echo(line)
     joints = range(1, design.device.simulated.n + 1)
     columns: dict[str, Any] = {

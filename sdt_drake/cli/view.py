@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Integer, OtherRobot, Out, Trust, number, one_of
+from sdt_drake.cli.common import Changes, Flag, Given, Integer, OtherRobot, Out, number, one_of
 from sdt_drake.cli.printing import echo, print_document_table
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.formats import TABLES
@@ -37,8 +37,7 @@ def run(
     rate: Annotated[float | None, number(gte=0.01, lte=1000)] = None,
     port: Annotated[Integer | None, number(gte=1024, lte=65535)] = None,
     once: Flag = False,
-    changes: Changes = (),
-    trust: Trust = False,
+    given: Given = Given(),
 ) -> None:
     """Show a motion, or a robot with its axes and masses, in 3D: in a browser or as a page.
 
@@ -63,10 +62,10 @@ def run(
         common.refuse("has no effect with --record", rate=rate, port=port, once=once)
     if Path(named(what, "scenario", "motion", "robot")).suffix in ROBOTS:
         unused = "has no effect on a robot"
-        common.refuse(unused, robot=robot, pilot=pilot, rate=rate, changes=changes)
+        common.refuse(unused, robot=robot, pilot=pilot, rate=rate, changes=given.changes)
         _robot(what, record, port, once)
         return
-    title, model, time, q, story = _motion(what, robot, pilot, changes)
+    title, model, time, q, story = _motion(what, robot, pilot, given.changes)
     with within(what):
         check_angles(model, time, q)
     if record is not None:
