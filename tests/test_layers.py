@@ -20,7 +20,7 @@ HIGHER = {
     ("motion/plan.py", "show.figures.motions:plan"),
     ("motion/trajectory.py", "show.figures.runs:trajectories"),
     ("run/design.py", "analysis.linear:linear"),
-    ("run/design.py", "show.figures.runs:effective_inertia"),
+    ("run/tuning.py", "show.figures.runs:effective_inertia"),
     ("run/simulate.py", "show.figures.scope:scope"),
 }
 """What methods call in higher layers, by place: the figures of results, and `design.linear`."""
