@@ -136,7 +136,7 @@ def test_a_response_that_does_not_settle_is_shown_whole_in_any_order(inputs, ord
     steps = dict(list({"pi": short, "p_in_feedback": never}.items())[::order])
     (ax,) = runs.step_responses("steps", steps).axes
     assert ax.get_xlim() == (0, never.time[-1])
-    (label,) = (line.get_label() for line in ax.lines if "feedback" in line.get_label())
+    (label,) = (line.get_label() for line in ax.lines if "I-P" in line.get_label())
     assert "rise – s, settling – s" in label
 
 
