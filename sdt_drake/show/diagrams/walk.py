@@ -267,6 +267,8 @@ class _Walk:
                     name = path[-1] if self.symbols.get(path) else ""
                 if (source, output) not in signals or not name:
                     continue
+                if not blocks[source].text.startswith("−") and _gain_sign(self.systems[source]) < 0:
+                    name = name.removeprefix("minus_")  # the minus is drawn at the sums
                 # A block with one output may name it itself.
                 if self._outputs(source) > 1 or name not in blocks[source].text.replace("\n", "_"):
                     labels.setdefault((source, output), name)
