@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.tracking import (
@@ -29,12 +28,10 @@ from sdt_drake.io.shown import Shown, Summary, higher
 from sdt_drake.pilot.head import has_head
 from sdt_drake.run.controllers import CONTROLLERS, ChosenFeedforward
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording, simulate
 from sdt_drake.run.threads import threads
 from sdt_drake.systems.gains import FEEDFORWARDS
-from sdt_drake.systems.wiring import blocks_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,12 +75,6 @@ class Compared:
             "rms_torque_share": self.motors.rms_share,
             "peak_torque_share": self.motors.peak_share,
         }
-
-    @cached_property
-    def blocks(self) -> int:
-        """Number of Drake systems in the loop and its sub-diagrams, without mere lines."""
-        systems = blocks_of(make_loop(self.design).diagram)
-        return sum(not isinstance(system, PassThrough) for system in systems)
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -285,6 +276,6 @@ def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
         for k in range(c.design.device.simulated.n):
             values = [METRICS[name].factor * c.metrics[name][k] for name in COMPARED]
             cells = ["" if np.isnan(value) else repr(float(value)) for value in values]
-            rows.append([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs), *felt])
-    header = ["controller", "joint", *_HEADER, "blocks", "needs", *felt_header]
+            rows.append([c.label, k + 1, *cells, ", ".join(c.needs), *felt])
+    header = ["controller", "joint", *_HEADER, "needs", *felt_header]
     write_csv(Path(path), header, rows)

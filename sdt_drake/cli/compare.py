@@ -65,8 +65,8 @@ def run(
         echo("the threshold of feeling, about and along the axes of the head")
         echo()
     print_table(
-        ("controller", "blocks", "needs to know"),
-        [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
+        ("controller", "needs to know"),
+        [(c.label, ", ".join(c.needs)) for c in compared],
     )
     common.deliver(
         out,

@@ -148,7 +148,6 @@ def _beyond_entry(compared: Compared) -> dict[str, object]:
         **asdict(compared.tracking),
         **asdict(compared.motors),
         "felt": {**_felt_entry(compared.head.felt), "share_from_angles": from_angles},
-        "blocks": compared.blocks,
         "needs": list(compared.needs),
     }
 

@@ -322,7 +322,7 @@ def _beyond(summary: Json) -> list[Block]:
               for e in runs]  # fmt: skip
     torques = (_POSITION, "rms_torque_share", "peak_torque_share")
     controllers = "The paper's controllers and more on the coupled plant, model known exactly."
-    needs = [[*label_cells(e), str(e["blocks"]), ", ".join(e["needs"])] for e in runs]
+    needs = [[*label_cells(e), ", ".join(e["needs"])] for e in runs]
     return [
         prose("beyond", TEXTS, **numbers),
         Picture("controllers.png", controllers),
@@ -340,5 +340,5 @@ def _beyond(summary: Json) -> list[Block]:
         LEGEND,
         "The cost of each controller: the number of Drake systems in its loop, and the data that "
         "it needs.",
-        Table(["controller", "blocks", "needs to know"], needs),
+        Table(["controller", "needs to know"], needs),
     ]

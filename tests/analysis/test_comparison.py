@@ -65,7 +65,7 @@ def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
         lines = list(csv.DictReader(file))
     header, rows = comparison_rows(compared)
     assert header == ["controller", "joint", *COLUMNS]
-    assert list(lines[0]) == [*header, "blocks", "needs", *FELT]
+    assert list(lines[0]) == [*header, "needs", *FELT]
     assert [row[0] for row in rows] == [x for label in LABELS for x in (label, "", "", "")]
     assert [row[1] for row in rows] == ["1 planetary", "2 roll", "3 pitch", "4 yaw"] * 5
     rounding = np.array([6e-5, 6e-6, 6e-5, 6e-4, 0.06, 0.06, 0.006])
@@ -76,8 +76,8 @@ def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
     in_full = [[float(line[name] or "nan") for name in COLUMNS] for line in lines]
     np.testing.assert_allclose(in_full, expected, rtol=1e-14)
     for line, c in zip(lines, np.repeat(np.array(compared, dtype=object), 4), strict=True):
-        told = [line[name] for name in ("controller", "blocks", "needs")]
-        assert told == [c.label, str(c.blocks), ", ".join(c.needs)]
+        told = [line[name] for name in ("controller", "needs")]
+        assert told == [c.label, ", ".join(c.needs)]
 
 
 def test_what_was_learned_is_compared_and_another_feedforward_is_refused(design):

@@ -37,7 +37,7 @@ def test_no_text_of_the_summary_becomes_a_tag(folder):
     summary["claims"][0] |= dict.fromkeys(("why", "statement", "id", "published"), evil)
     summary["versions"]["drake"] = evil
     summary["wall_time_s"] = {evil: 1.0}
-    summary["beyond"][6] |= {"controller": evil, "needs": [evil], "blocks": evil}
+    summary["beyond"][6] |= {"controller": evil, "needs": [evil]}
     summary["beyond"][0]["felt"]["channels"][0] = evil
     summary["tracking"][0] |= dict.fromkeys(("controller", "plant", "algorithm"), evil)
     path.write_text(json.dumps(summary), encoding="utf-8")
