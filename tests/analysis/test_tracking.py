@@ -12,7 +12,8 @@ from variants import recorded
 from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.analysis.tracking import motor_use, track
-from sdt_drake.motion import Motion
+from sdt_drake.motion import LearnedReference, Motion
+from sdt_drake.run.simulate import simulate
 
 PERIOD = 0.01
 
@@ -126,3 +127,16 @@ def test_columns_are_in_the_unit_of_their_header():
 def test_an_outcome_has_a_metric_and_a_joint(name, family):
     assert family_of(name) == family
     assert metric_of(name).title == getattr(METRICS.get(family[0]), "title", name)
+
+
+def test_errors_are_those_against_the_planned_motion_whatever_was_learned(designed):
+    """The second argument of 0.4, the tracked motion, gave NaN for a learned reference."""
+    design = designed("axis_pi", end=1.5, rest=100)
+    planned = design.reference.planned
+    lifted = Motion(planned.period, planned.q, 1.01 * planned.v, planned.vd)
+    run = simulate(design.given(LearnedReference(lifted)))
+    found = track(run)
+    np.testing.assert_array_equal(found.max_abs_speed_error, np.abs(run.v - planned.v).max(axis=0))
+    with pytest.warns(DeprecationWarning, match=r"track\(run, motion\) is track\(run\)"):
+        again = track(run, lifted)
+    np.testing.assert_array_equal(again.rms_speed_error, found.rms_speed_error)

@@ -4,6 +4,7 @@ import dataclasses
 import gc
 from functools import cached_property
 from importlib import import_module
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.run.controllers import Pi
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import _OLD_NAMES, Design
+from sdt_drake.run.feedforward import make_feedforward
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.plant import torques_along
 from sdt_drake.systems.gains import tune
@@ -169,3 +171,47 @@ def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, mon
     del base, other, heavier, motion
     gc.collect()
     assert len(plant._along) == kept
+
+
+# --- device, reference and tuning -------------------------------------------------------------
+
+
+def test_names_of_a_design_up_to_0_4_work_and_warn(designed):
+    design = designed("coupled_pi_ctc", end=0.1)
+    for old, new in _OLD_NAMES.items():
+        with pytest.warns(
+            DeprecationWarning, match=rf"design\.{old} is design\.{new}, and goes in"
+        ):
+            assert np.all(getattr(design, old) == attrgetter(new)(design))
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = design.nonsense
+
+
+def test_a_wrong_model_is_what_gains_and_told_inertia_follow(designed):
+    """The loads of the loop are those of the nominal robot, whatever the controller believes."""
+    right = designed("coupled_pi", end=0.1)
+    wrong = designed("coupled_pi", {"controller.model": LIGHT}, end=0.1)
+    found = wrong.tuning
+    np.testing.assert_allclose(found.gains.ki, (OMEGA_R / 2) ** 2 * found.inertia.maximum)
+    assert np.all(found.inertia.maximum < right.tuning.inertia.maximum)  # 40 kg less
+    np.testing.assert_array_equal(wrong.inertia.maximum, right.inertia.maximum)
+    np.testing.assert_allclose(found.numbers["zeta_max"], ZETA, rtol=1e-12)
+    assert "omega_r = 65.991 rad/s" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("fields", "is_load"),
+    [
+        ({}, True),
+        ({"controller.model": Deviation(inertia_scale=1.0, payload_mass=0.0)}, True),
+        ({"controller.model": LIGHT}, False),
+        ({"controller.feedforward_gain": [0.9] * 4}, False),
+        ({"plant.deviation": LIGHT}, True),  # a coupled plant is told the nominal load
+    ],
+)
+def test_the_feedforward_is_the_load_torque_only_if_both_deviate_alike(designed, fields, is_load):
+    design = designed("coupled_pi_ctc", fields, end=0.1)
+    block = make_feedforward(design, adds=True, feeds=("load_torque",))
+    assert block.HasSubsystemNamed("feedforward_table") != is_load
+    along = design.tuning.feedforward.along
+    assert np.allclose(along, design.loads.load_torque, rtol=1e-12) == is_load
