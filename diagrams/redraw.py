@@ -57,8 +57,9 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import ENCODERS
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.run.simulate import simulate
 from sdt_drake.show.figures import pilot as plots_pilot
 from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.figures.fronts import sizing_front

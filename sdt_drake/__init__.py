@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from sdt_drake.run.controllers import Controller, ControllerOptions, register_controller
     from sdt_drake.run.design import make_design as design
     from sdt_drake.run.loop import make_loop as loop
+    from sdt_drake.run.recording import Recording
     from sdt_drake.run.scenario import Scenario
     from sdt_drake.run.scenario import load_scenario as load
     from sdt_drake.run.scenario import save_scenario as save
-    from sdt_drake.run.simulate import Recording, simulate
+    from sdt_drake.run.simulate import simulate
     from sdt_drake.show.figures import motions as plots_motion
     from sdt_drake.show.figures import pilot as plots_pilot
     from sdt_drake.show.figures import runs as plots
@@ -74,7 +75,7 @@ _PLACES = {
     "plots_pilot": "show.figures.pilot:",
     "Scenario": "run.scenario:Scenario",
     "Motion": "motion:Motion",
-    "Recording": "run.simulate:Recording",
+    "Recording": "run.recording:Recording",
     "Controller": "run.controllers:Controller",
     "ControllerOptions": "run.controllers:ControllerOptions",
     "register_controller": "run.controllers:register_controller",

@@ -21,7 +21,7 @@ HIGHER = {
     ("motion/trajectory.py", "show.figures.runs:trajectories"),
     ("run/design.py", "analysis.linear:linear"),
     ("run/tuning.py", "show.figures.runs:effective_inertia"),
-    ("run/simulate.py", "show.figures.scope:scope"),
+    ("run/recording.py", "show.figures.scope:scope"),
 }
 """What methods call in higher layers, by place: the figures of results, and `design.linear`."""
 

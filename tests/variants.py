@@ -2,7 +2,7 @@
 
 from dataclasses import MISSING, fields, replace
 
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 
 
 def kind(label: str, **fields) -> dict:

@@ -28,8 +28,9 @@ from sdt_drake.io.shown import Shown, Summary, higher
 from sdt_drake.pilot.head import has_head
 from sdt_drake.run.controllers import CONTROLLERS, ChosenFeedforward
 from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.run.simulate import simulate
 from sdt_drake.run.threads import threads
 from sdt_drake.systems.gains import FEEDFORWARDS
 

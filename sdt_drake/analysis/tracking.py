@@ -17,7 +17,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
 from sdt_drake.pilot.thresholds import FeltDifference, felt_difference
 from sdt_drake.robot.robot import Robot
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 
 SETTLED_AFTER = 1.0
 """Time of constant speed after which the error of a joint counts as steady [s]."""

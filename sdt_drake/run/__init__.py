@@ -16,7 +16,7 @@
        reference source -> zero-order hold -> controller -> saturation -> drives -> plant
                                                   ^-------- encoders <---------------'
 
-7. `simulate`: runs the loop and returns a `Recording`; `motor_torque`: torque of the motors within
+7. `simulate`: runs the loop and returns a `recording`; `motor_torque`: torque of the motors within
    each period, from the meter in the loop.
 
 The blocks themselves are in `sdt_drake.systems`, a function and a file for each. Its docstring

@@ -22,8 +22,8 @@ from sdt_drake.motion import MotionProfile
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.motors import Catalogue
 from sdt_drake.run.controllers import CONTROLLERS, option_names
+from sdt_drake.run.recording import RECORDED_COLUMNS, Recording
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.simulate import RECORDED_COLUMNS, Recording
 from sdt_drake.show.sections import TEMPLATES, code, marked
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study

@@ -16,8 +16,8 @@ from sdt_drake.motion import margins
 from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.motors import Motor, as_driven, motors_in_use
 from sdt_drake.run.design import Design
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.simulate import Recording
 
 TRACKING = (
     "max_abs_speed_error", "rms_speed_error", "constant_speed_error", "saturated_fraction",

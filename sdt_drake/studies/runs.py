@@ -15,8 +15,9 @@ from sdt_drake.motion import Plan, load_commanded
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, load_device, make_design, plan_of
 from sdt_drake.run.options import load_controllers
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.fields import Value, field_names, find_field
 from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of
 from sdt_drake.studies.study import Study

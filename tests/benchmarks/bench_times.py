@@ -23,8 +23,9 @@ from sdt_drake.pilot.illusions import feel
 from sdt_drake.pilot.thresholds import false_sensation_after_stop
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import make_design
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.run.simulate import simulate
 
 
 def twice(robot: Robot, planetary: float) -> Command:

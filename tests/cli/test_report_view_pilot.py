@@ -16,7 +16,7 @@ from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.paper.report import write_report
 from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.illusions import feel
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import REPORT
 
 

@@ -14,8 +14,9 @@ from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import PlantChoice, Scenario
-from sdt_drake.run.simulate import Recording, _beyond_stop, simulate
+from sdt_drake.run.simulate import _beyond_stop, simulate
 
 COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",

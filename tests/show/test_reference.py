@@ -9,7 +9,7 @@ import yaml
 from sdt_drake.cli.app import main
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import parts
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.show.reference import FILES, SCHEMAS, TOPICS, schema_text, with_reference
 
 MODELS = models_dir()

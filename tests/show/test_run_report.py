@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command_line import RUN, SHORT
 
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import Report
 from sdt_drake.show.panels import MAX_SAMPLES, Line, Panel, Plots
 from sdt_drake.show.sections import Picture, Section

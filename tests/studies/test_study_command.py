@@ -12,7 +12,7 @@ import pytest
 from small_studies import rows
 
 from sdt_drake.cli.app import main
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.studies.results import read_study_table, write_results
 from sdt_drake.studies.store import DATABASE, Store
 

@@ -27,7 +27,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.dynamics import InertiaRange, Loads
 from sdt_drake.robot.robot import Robot
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401
 from sdt_drake.show.figures.scope import MOTOR_TORQUE
 from sdt_drake.show.figures.scope import scope as scope

@@ -12,7 +12,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
 from sdt_drake.run.motor_torque import arrived, motor_limits, torque_limits
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.show.panels import LIMIT, Line, Lines, Panel, over_time, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, joint_title
 

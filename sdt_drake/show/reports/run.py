@@ -26,7 +26,7 @@ from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.run.controllers import feedback_of
 from sdt_drake.run.design import Design
-from sdt_drake.run.simulate import Recording
+from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import Report
 from sdt_drake.show.figures.pilot import felt_panels
 from sdt_drake.show.figures.scope import joint_panels, torque_over_speed

@@ -23,8 +23,8 @@ from sdt_drake.pilot.illusions import intended, true_attitude
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import render_html
 from sdt_drake.show.view3d.scene import (
     ARROW,
