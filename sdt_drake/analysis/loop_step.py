@@ -84,7 +84,7 @@ class LoopStep(Shown):
     tau: Array
     """Response of the motors' torque, motor side [N m], shape (N, n)."""
     saturated: NDArray[np.bool_]
-    """Whether a limit cuts the command of a motor in the run with the step, shape (N, n)."""
+    """True where a limit cuts the command of a motor in the run with the step, shape (N, n)."""
 
     @property
     def position_error(self) -> Array:

@@ -158,6 +158,7 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
 def _notes(design: Design, omega_r: float) -> list[str]:
     """Return notes on the sweep: inertia, sampling, and what of the scenario is left out."""
     from sdt_drake.analysis.stability import own_ratio, stands_alone
+    from sdt_drake.run.options import option_names
 
     plant, choice = design.scenario.plant, design.scenario.controller
     if not stands_alone(design):
@@ -173,7 +174,7 @@ def _notes(design: Design, omega_r: float) -> list[str]:
     notes.append(f"omega_n / omega_r of the scenario's own gains: {own}")
     if design.drive.period is not None and stands_alone(design):
         notes.append("The scenario's drive samples with its own period.")
-    if hasattr(choice, "position_gain"):
+    if "position_gain" in option_names(type(choice)):
         notes.append(f"Positions are sampled every {design.reference.tracked.period:g} s.")
     if choice.feedforward_in_use != "none":
         notes.append("note: the feedforward is left out; it does not affect damping or stability")

@@ -16,12 +16,12 @@ class Assumptions:
     """Assumptions of an analysis about the device, unlike the scenario; none by default."""
 
     limited: bool = True
-    """Whether the motors have limits. Without, peak and saturation in a `Recording` have no
+    """True if the motors have limits. Without, peak and saturation in a `Recording` have no
     meaning."""
     widened: bool | None = None
-    """Whether the alleviating torque widens the motors' limits; by default on the axis plant."""
+    """True if the alleviating torque widens the motors' limits; by default on the axis plant."""
     loaded: bool = True
-    """Whether the load torque of the reference acts on the axis plant, and its disturbance."""
+    """True if the load torque of the reference acts on the axis plant, and its disturbance."""
     prescribed_motion: tuple[Array, Array] | None = None
     """Prescribed joint motion: q [rad] and v [rad/s] at the samples of the motion, joint side,
     shape (N + 1, n) each. The motors then have no effect, and the log shows what the controller

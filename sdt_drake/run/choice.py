@@ -26,7 +26,7 @@ from sdt_drake.systems.gains import STRUCTURES
 
 @dataclass(frozen=True)
 class _Chosen(Input):
-    """What chooses the options of a controller."""
+    """Fields that choose the options of a controller."""
 
     kind: Text = "pi"
     file: Annotated[str, FileOf("controllers")] = ""

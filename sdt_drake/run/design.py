@@ -274,6 +274,7 @@ class Design(Shown):
 
 _OLD_NAMES = {
     "robot": "device.simulated",
+    "loaded_robot": "loaded",
     "model": "device.model",
     "wanted": "reference.planned",
     "motion": "reference.tracked",
@@ -283,6 +284,7 @@ _OLD_NAMES = {
     "omega_r": "tuning.omega_r",
     "inertia_share": "tuning.inertia_share",
     "position_gain": "tuning.position_gain",
+    "feedforward": "tuning.feedforward.law",
     "tau_ff": "tuning.feedforward.along",
     "steady_ff": "tuning.feedforward.steady",
     "fed": "feedforward_override",

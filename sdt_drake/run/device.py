@@ -49,12 +49,8 @@ def make_device(design: Design) -> Diagram:
     """
     if design.assumptions.prescribed_motion is not None:
         return _prescribed(design, *design.assumptions.prescribed_motion)
-    builder, robot, drive, n = (
-        DiagramBuilder(),
-        design.device.simulated,
-        design.drive,
-        design.device.simulated.n,
-    )
+    builder, drive = DiagramBuilder(), design.drive
+    robot, n = design.device.simulated, design.nominal.n
     add, connect, springs = builder.AddNamedSystem, builder.Connect, design.springs
     is_axis = design.scenario.plant.kind == "axis"
 

@@ -58,7 +58,7 @@ class ControllerOptions(Input):
     plants: ClassVar[tuple[str, ...]] = ("axis", "coupled")
     """Plants that the controller supports."""
     takes_feedforward: ClassVar[bool] = False
-    """Whether any torque feedforward can be added to the command, as in PI loops."""
+    """True if any torque feedforward can be added to the command, as in PI loops."""
 
     def problems(self) -> Problems:
         if (self.kp is None) != (self.ki is None):
@@ -81,6 +81,11 @@ class ControllerOptions(Input):
     @property
     def feedforward_gain(self) -> Sequence[float] | None:
         """Factor on the torque feedforward [-], shape (n,); None for 1."""
+        return None
+
+    @property
+    def position_gain(self) -> Sequence[float] | None:
+        """Position gain K_V [1/s], shape (n,); None for omega_n / 4, or without position loops."""
         return None
 
     @property

@@ -180,11 +180,9 @@ def tuning_of(
     else:
         zeta = 1.0 if choice.zeta is None else choice.zeta
         gains = tune(i_eff.max(axis=0), omega_r or 0.0, zeta, choice.omega_ratio)
-    k_v = getattr(choice, "position_gain", None)
-    if k_v is None:
-        position_gain = natural_frequency(gains, i_eff.max(axis=0)) / 4
-    else:
-        position_gain = np.array(k_v)
+    position_gain = natural_frequency(gains, i_eff.max(axis=0)) / 4
+    if choice.position_gain is not None:
+        position_gain = np.array(choice.position_gain)
     feedforward = override or _own_feedforward(scenario, model, reference)
     return Tuning(model, motion, i_eff, omega_r, gains, position_gain, feedforward)
 

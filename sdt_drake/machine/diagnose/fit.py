@@ -1,4 +1,4 @@
-"""What a fit shows of its recordings: signs, friction, held-out data, excitation."""
+"""Findings of a fit on its recordings: signs, friction, held-out data, excitation."""
 
 from __future__ import annotations
 

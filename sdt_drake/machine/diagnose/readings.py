@@ -84,9 +84,9 @@ class Better(NamedTuple):
     score: float
     """The total score."""
     before: Residuals
-    """What the mapping leaves."""
+    """Residuals of the mapping as it is."""
     after: Residuals
-    """What the alternative leaves."""
+    """Residuals of the alternative."""
 
 
 def misread(robot: Robot, eq: Equations) -> list[Finding]:

@@ -38,7 +38,7 @@ class Judged(Shown):
     left_without: Array
     """Torque not explained by the robot without friction [-], shape (n,)."""
     findings: tuple[Finding, ...]
-    """What the recordings show by themselves."""
+    """Findings in the recordings by themselves."""
 
     def summary(self) -> Summary:
         columns = {

@@ -85,7 +85,7 @@ class Identified(Shown):
     notes: tuple[str, ...]
     """Changes of the recordings, as sentences."""
     findings: tuple[Finding, ...]
-    """What speaks against the recordings or the robot's file."""
+    """Findings that speak against the recordings or the robot's file."""
 
     @property
     def warnings(self) -> tuple[str, ...]:

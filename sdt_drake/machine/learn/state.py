@@ -141,7 +141,7 @@ class Update(NamedTuple):
     step: Step
     """Learning step to the next trial."""
     findings: list[Finding]
-    """What the recordings show, and what was assumed."""
+    """Findings in the recordings, and assumptions."""
 
 
 def update(

@@ -88,11 +88,8 @@ def start_controller(
         start: a motion of one sample, without acceleration; None for the first of the motion.
     """
     if system.HasOutputPort("tau_fb"):  # the loop adds the feedforward
-        tau_cmd = tau_cmd - (
-            design.tuning.feedforward.steady
-            if start is None
-            else design.tuning.feedforward.steady_at(start)
-        )
+        added = design.tuning.feedforward
+        tau_cmd = tau_cmd - (added.steady if start is None else added.steady_at(start))
     choice = feedback_of(design)
     if owner is type(choice):
         choice.start(system, context, design, tau_cmd, start)

@@ -1,4 +1,4 @@
-"""What makes, starts and describes the feedback of a controller; the base class of your own."""
+"""The base classes of controllers: options that make their feedback, and systems of your own."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class Controller:
 
 
 def start_own(system: System, context: Context, tau: Array, start: Motion | None) -> None:
-    """Set the state of a controller of your own; see `ControllerOptions.start`."""
+    """Set the state of a controller of your own; see `Feedback.start`."""
     if not isinstance(system, Controller):
         return
     given: tuple[Any, ...] = () if start is None else (start,)

@@ -24,7 +24,7 @@ from sdt_drake.motion import Story, story_of
 from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.run.controllers import feedback_of
+from sdt_drake.run.controllers import feedback_of, option_names
 from sdt_drake.run.design import Design
 from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import Report
@@ -172,7 +172,7 @@ class _Answer:
             "error {q[error]:.4g} deg ({q[joint]}); {}.**",
             state, v=self.speed, q=self.position,
         )  # fmt: skip
-        motion, duration = Path(scenario.motion).stem, design.reference.held.duration
+        motion, duration = Path(scenario.motion).stem, design.reference.planned.duration
         ran = said("{} on {}, {:g} s.", design.device.simulated.name, motion, duration)
         return [answer, said("Next: {} {}", Marked(advice), ran)]
 
@@ -241,12 +241,8 @@ def _margins(response: FrequencyResponse) -> Marked:
 def _what(design: Design) -> Iterator[tuple[str, str]]:
     """Return robot, motion, controller, plant and drives in words."""
     scenario, wanted = design.scenario, design.reference.planned
-    choice, plant, drive, robot = (
-        scenario.controller,
-        scenario.plant,
-        scenario.drive,
-        design.device.simulated,
-    )
+    choice, plant, drive = scenario.controller, scenario.plant, scenario.drive
+    robot = design.device.simulated
     file, motion = code(Path(scenario.robot).name), code(Path(scenario.motion).name)
     yield "robot", said("{}, {} ({})", robot.name, joint_count(robot.n), file)
     learned = "" if design.reference.tracked is wanted else "; the reference is learned"
@@ -306,7 +302,7 @@ def _gains(design: Design) -> Table:
         ("largest torque [N m]", ".4g", design.device.simulated.motor_torque_limit),
         ("gear ratio", ".4g", design.device.simulated.gear_ratio),
     ]
-    if hasattr(design.scenario.controller, "position_gain"):
+    if "position_gain" in option_names(type(design.scenario.controller)):
         columns.insert(3, ("K_V [1/s]", ".4g", design.tuning.position_gain))
     return _table(
         design, columns, "Motor side: the largest inertia along the motion, and the gains"
