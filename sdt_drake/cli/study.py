@@ -154,7 +154,7 @@ def repeat(
         row: row of the run, from 0
         out: CSV file for the recording
     """
-    from sdt_drake.show.reports.study import cell, outcome_tables
+    from sdt_drake.show.reports.study_tables import cell, outcome_tables
     from sdt_drake.studies.folder import load_runner
     from sdt_drake.studies.store import Store
 

@@ -20,7 +20,7 @@ from sdt_drake.analysis.tracking import MotorUse, Tracking, track_head
 from sdt_drake.machine.cueing.candidate import Candidate as FlightCandidate
 from sdt_drake.machine.cueing.candidate import percept_of
 from sdt_drake.machine.cueing.flight import make_flight
-from sdt_drake.machine.cueing.procedure import CueingResult
+from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.learn.filter import Bandwidth, Convergence, LearningFilter
 from sdt_drake.machine.learn.loops import LoopSet

@@ -6,7 +6,7 @@ import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,20 +14,17 @@ import numpy as np
 
 from sdt_drake.io.arguments import a_path, finite_number, positive, share, takes, whole_periods
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.progress import work
-from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.cueing.alignment import Start, aligned, angles, washed_out
 from sdt_drake.machine.cueing.candidate import Candidate, percept_of
 from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
 from sdt_drake.machine.cueing.program import MAX_STEPS, Problem, Trajectory, fitted, rated, solve
+from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
 from sdt_drake.motion.retiming import torque_of_periods
-from sdt_drake.motion.trajectory import Motion
 from sdt_drake.pilot.head import GRAVITY, check_head
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
-from sdt_drake.pilot.orientation import Percept
 from sdt_drake.robot.robot import Robot, load_robot
 
 SEATS = (0.0, np.pi / 2, -np.pi / 2)
@@ -49,57 +46,6 @@ _GOAL, _TOLERANCE = 0.97, 0.05  # G error to aim at, over that of alignment
 _POLISHES, _POLISH_STEPS, _FRONT_STEPS = 5, 6, 10
 _OVERSHOOT = 0.002  # torque between knots that may exceed the limit, over the limit
 _MAX_TILT = 1e-6  # of a vertical axis [rad]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CueingResult(Shown):
-    """A motion near a flight in force and felt rotation, with other motions to compare."""
-
-    chosen: Candidate
-    """The best motion."""
-    alignment: Candidate
-    """The best alignment of the device with the flight's force."""
-    washout: Candidate
-    """The motion of a classical washout."""
-    unlimited: Candidate | None
-    """The best motion without limits of torque; None with `compare=False`."""
-    front: tuple[tuple[float, Candidate], ...]
-    """Weights of the G error over the given one, in increasing order, with their motions."""
-    felt: Percept | None
-    """The percept in flight; None if the model has no solution."""
-    numbers: dict[str, object]
-    """The content of summary.json."""
-
-    @property
-    def motion(self) -> Motion:
-        """The best motion, from rest to rest."""
-        return self.chosen.motion
-
-    @property
-    def candidates(self) -> list[Candidate]:
-        """The best motion, and the motions to compare."""
-        others = [self.alignment, self.washout, self.unlimited]
-        return [self.chosen, *(one for one in others if one is not None)]
-
-    @property
-    def options(self) -> list[Candidate]:
-        """`candidates`, under the name that goes in 0.7."""
-        renamed("options", "candidates")
-        return self.candidates
-
-    def summary(self) -> Summary:
-        header = ("", "G error [G]", "felt rotation error [deg/s]", "felt vertical [deg]",
-                  "largest torque [%]")  # fmt: skip
-        rows = []
-        for one in self.candidates:
-            figures = one.figures(self.felt)
-            vertical, torque = figures["felt_vertical_rms_deg"], figures["torque_share_max"]
-            angle = formatted(math.nan if vertical is None else vertical, ".1f")
-            rows.append((one.name, f"{one.g_error:.3f}", f"{one.felt_rotation:.1f}", angle,
-                         f"{100 * (torque or 0):.1f}"))  # fmt: skip
-        flight = self.chosen.flight
-        title = f"{flight.name}: RMS errors over {flight.duration:.6g} s of flight"
-        return Summary(title, header, rows)
 
 
 def _columns(value: FlightColumns | str | Path, name: str) -> object:

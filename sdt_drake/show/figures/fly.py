@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.cueing.candidate import Candidate
-from sdt_drake.machine.cueing.procedure import CueingResult
+from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.show.panels import Line, Panel

@@ -14,8 +14,8 @@ from sdt_drake.io.files import replacing_files
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.shown import numbered
 from sdt_drake.machine.cueing.candidate import Candidate
-from sdt_drake.machine.cueing.procedure import CueingResult
 from sdt_drake.machine.cueing.program import MAX_STEPS
+from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.motion import margins
 from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.metrics import family_of, metric_of
+from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import listed
 from sdt_drake.show.documents import REPORT, Report
 from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.show.figures import studies as plots
+from sdt_drake.show.reports.study_tables import (
+    percent_of,
+    percentile_table,
+    sensitivity_tables,
+    shares_of,
+    status_table,
+    worst_table,
+)
 from sdt_drake.show.sections import (
     Block,
     Box,
@@ -34,16 +41,12 @@ from sdt_drake.show.sections import (
 )
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.summary import (
-    PERCENTS,
     Share,
     count_statuses,
     failures,
     percentiles,
-    reasons,
-    sensitivity,
     usable,
     varied,
-    worst_runs,
 )
 from sdt_drake.studies.table import StudyTable
 
@@ -58,8 +61,6 @@ _HEADLINES = (
     "felt_share",
 )  # fmt: skip
 _LOOKS = {"ok": "good", "infeasible": "open"}  # classes of page.css; other statuses are "bad"
-_UNKNOWN = Share(np.nan, np.nan)
-_MAX_REASONS = 3  # of a status in a table
 _MIN_SHARE = 0.05  # of the variance; a smaller share is no finding
 
 
@@ -199,136 +200,6 @@ def study_figures(table: StudyTable, wanted: Sequence[str] = FIGURES) -> dict[st
     return {name: draw() for name, draw in drawn.items() if name in wanted}
 
 
-# --- tables ----------------------------------------------------------------------------------
-
-
-def status_table(table: StudyTable) -> Table:
-    """Make the table of runs by status, with the most frequent reasons."""
-    rows = []
-    for status, runs in count_statuses(table).items():
-        rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
-        for one in reasons(table, status).head(_MAX_REASONS).itertuples():
-            rows.append(["", str(one.runs), "", str(one.row), one.reason])
-    return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
-
-
-def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
-    """Make the table of percentiles of outcomes, a row for each outcome and group.
-
-    Args:
-        table: the table of the study.
-        names: outcomes of one family, or the family for its worst joint.
-    """
-    metric = metric_of(names[0])
-    rows = []
-    for level, part in table.groups.items():
-        for name in names:
-            place = ", ".join(filter(None, [level, table.place(name)]))
-            rows.append([place, *map(cell, metric.factor * percentiles(part, name))])
-    header = [table.by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
-    return Table(header, rows, f"Percentiles: {metric.label}")
-
-
-def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[Table]:
-    """Make tables of a run's outcomes: first those of joints, then those of the whole run.
-
-    Args:
-        names: names of `outcomes.outcome_names`.
-        outcomes: values by these names.
-    """
-    rows: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
-    for name, value in zip(names, outcomes, strict=True):
-        metric, joint = metric_of(name), family_of(name)[1]
-        rows[joint is not None].setdefault(metric.label, [metric.label]).append(metric.text(value))
-    by_joint, whole = (list(some.values()) for some in rows.values())
-    n = max(map(len, by_joint), default=1) - 1
-    tables = [
-        Table(["outcome", *(f"joint {k + 1}" for k in range(n))], by_joint),
-        Table(["outcome", "of the run"], whole),
-    ]
-    return [table for table in tables if table.rows]
-
-
-def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
-    """Make the table of the worst runs of an outcome for each group: row, joint, value, inputs.
-
-    Args:
-        table: the table of the study.
-        outcome: outcome, or a family for each run's worst joint.
-        count: number of runs for each group.
-    """
-    metric, has_joints = metric_of(outcome), bool(table.joints(outcome))
-    inputs = sorted(varied(table), key=lambda name: name != table.by)
-    rows = []
-    for part in table.groups.values():
-        runs = worst_runs(part, outcome, count)
-        columns: list[Iterable[object]] = [runs.runs.index]
-        if has_joints:
-            columns.append(runs.worst_joint(outcome))
-        columns.append([cell(metric.factor * value) for value in runs.outcome(outcome)])
-        columns += [map(cell, runs.runs[name].tolist()) for name in inputs]
-        rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
-    header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
-    return Table(header, rows, f"Worst runs: {metric.title}")
-
-
-def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
-    """Make the tables of the variance that each input explains alone [%], with standard errors.
-
-    There is a table for each group in which more than one input varies.
-
-    Args:
-        table: the table of the study.
-        names: outcomes, a column each; a family stands for its worst joint.
-    """
-    tables = []
-    for level, part in table.groups.items():
-        columns = [_shares(part, name) for name in names]
-        by_input = {
-            key: [shares.get(key, _UNKNOWN) for shares in columns] for key in chain(*columns)
-        }
-        if len(by_input) > 1:
-            ordered = sorted(by_input.items(), key=lambda item: -np.nan_to_num(_sum(item[1])))
-            rows = [[key, *map(_percent, shares)] for key, shares in ordered]
-            sums = (_sum(shares.values()) for shares in columns)
-            rows.append(["sum", *("–" if np.isnan(x) else f"{100 * x:.0f}" for x in sums)])
-            header = ["input", *(_column(table, name, names) for name in names)]
-            title = f"Variance explained by each input alone [%], {level}"
-            tables.append(Table(header, rows, title))
-    return tables
-
-
-def _shares(table: StudyTable, outcome: str) -> dict[str, Share]:
-    """Return the shares of `sensitivity` by input."""
-    found = sensitivity(table, outcome)
-    return dict(zip(found.index, map(Share._make, found.itertuples(index=False)), strict=True))
-
-
-def _sum(shares: Iterable[Share]) -> float:
-    """Add shares, with negative estimates as 0; NaN without any."""
-    known = [max(share.value, 0) for share in shares if np.isfinite(share.value)]
-    return sum(known) if known else np.nan
-
-
-def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
-    """Return the title of an outcome, or its joint if all outcomes have the same title."""
-    titles = {metric_of(other).title for other in names}
-    return metric_of(name).title if len(titles) == len(names) else table.place(name)
-
-
-def _percent(share: Share) -> str:
-    if np.isnan(share.value):
-        return "–"
-    return f"{100 * max(share.value, 0):.0f} ± {100 * share.error:.0f}"
-
-
-def cell(value: float | str) -> str:
-    """Format a number or a text as tables show it; a dash for NaN."""
-    if isinstance(value, int | float):
-        return "–" if np.isnan(value) else f"{value:.4g}"
-    return str(value)
-
-
 # --- in short --------------------------------------------------------------------------------
 
 
@@ -374,10 +245,10 @@ def finding(table: StudyTable, family: str) -> tuple[Marked, bool]:
             continue
         where = said(" with {:code}", level) if table.by else ""
         limits.append(said("{:.3g}{}", value, where))
-        shares = _shares(part, family)
+        shares = shares_of(part, family)
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
         if len(shares) > 1 and share.value > max(_MIN_SHARE, 2 * share.error):
-            causes.setdefault(name, []).append(said("{} %{}", _percent(share), where))
+            causes.setdefault(name, []).append(said("{} %{}", percent_of(share), where))
     text = said(
         "**{}:** at most {} in 95 % of {}.",
         capital(", ".join(filter(None, [metric_of(family).label, table.place(family)]))),
