@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from sdt_drake.machine.identify.judge import judge
     from sdt_drake.machine.identify.procedure import identify
     from sdt_drake.machine.learn.procedure import learn
+    from sdt_drake.machine.learn.recorded_step import learn_update
     from sdt_drake.machine.replay import replay
     from sdt_drake.motion import Motion
     from sdt_drake.motion import load_plan as plan
@@ -62,6 +63,7 @@ _PLACES = {
     "judge": "machine.identify.judge:judge",
     "replay": "machine.replay:replay",
     "learn": "machine.learn.procedure:learn",
+    "learn_update": "machine.learn.recorded_step:learn_update",
     "export": "machine.drive_files.export:export",
     "fly": "machine.cueing.procedure:fly",
     "track": "analysis.tracking:track",
@@ -83,8 +85,8 @@ _PLACES = {
 }
 __all__ = [
     "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario", "bode",
-    "compare", "design", "export", "fly", "identify", "judge", "learn", "linear", "load",
-    "load_robot", "loop", "perceive", "plan", "plots", "plots_motion", "plots_pilot",
+    "compare", "design", "export", "fly", "identify", "judge", "learn", "learn_update", "linear",
+    "load", "load_robot", "loop", "perceive", "plan", "plots", "plots_motion", "plots_pilot",
     "register_controller", "replay", "save", "simulate", "step", "track", "tune", "view",
 ]  # fmt: skip
 

@@ -167,6 +167,7 @@ def test_every_argument_of_every_function_refuses_an_odd_object(short, run, tmp_
         "replay": ["r.csv", scenario], "export": [short, "drives", "out"],
         "fly": ["sdt", "turn"], "track": [run], "compare": [short, ["pi"]],
         "perceive": [STILL.time, zeros, zeros], "design": [scenario],
+        "learn_update": ["state", ["r.csv"]],
         "register_controller": ["own", object],
         **{x: [short] for x in ("loop", "simulate", "tune", "bode", "learn", "linear", "view")},
         "step": [short],

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sdt_drake as sdt
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in
@@ -20,6 +21,7 @@ from sdt_drake.machine.learn.state import (
     State,
     TrialRecord,
     _refuse_growth,
+    count_trials,
     read_state,
     reference_file,
     update,
@@ -208,6 +210,28 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
     assert len(list(state.glob("flight_*"))) == len(list(state.glob("reference_*"))) == 3
     flown = [load_yaml(TrialRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
     assert flown == [2, 2]
+
+
+def test_a_step_from_python_is_that_of_the_command(good, desk):
+    file = "../given/cascade.yaml"
+    good("simulate", file, "--set", "plant.deviation.payload_mass=30", "--out", "0.csv")
+    good("learn", "update", "by_command", "0.csv", "--scenario", file)
+    step = sdt.learn_update("by_python", ["0.csv"], scenario=sdt.load(file))
+    names = {"scenario.yaml", "flight_01.yaml", "reference_02.csv"}
+    for folder in (desk / "by_command", desk / "by_python"):
+        assert {one.name for one in folder.iterdir()} == names
+    for name in names:
+        assert (desk / "by_command" / name).read_bytes() == (desk / "by_python" / name).read_bytes()
+    assert step.best == step.made.trial and step.best.score > 0
+    assert step.reference == Path("by_python/reference_02.csv")
+    for state, options, words in (
+        ("by_python", {"scenario": sdt.load(file)}, "scenario: by_python contains scenario.yaml"),
+        ("by_python", {"motion": "leans"}, "motion: leans: is not the motion of the scenario"),
+        ("new", {}, "scenario: missing, expected the scenario of the first flight, since new is"),
+    ):
+        with pytest.raises(InputError, match=words):
+            sdt.learn_update(state, ["0.csv"], **options)
+    assert count_trials(desk / "by_python") == 1 and not (desk / "new").exists()
 
 
 def test_what_a_recording_lacks_is_noted_and_not_learned(machine):
