@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.frequency_response import bode
     from sdt_drake.analysis.linear import linear
     from sdt_drake.analysis.loop_step import step
+    from sdt_drake.analysis.stability import stability
     from sdt_drake.analysis.tracking import track
     from sdt_drake.analysis.tuning import tune
     from sdt_drake.io.errors import InputError
@@ -70,6 +71,7 @@ _PLACES = {
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
     "step": "analysis.loop_step:step",
+    "stability": "analysis.stability:stability",
     "perceive": "pilot.orientation:perceive",
     "view": "show.view3d.viewer:view",
     "plots": "show.figures.runs:",
@@ -87,7 +89,8 @@ __all__ = [
     "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario", "bode",
     "compare", "design", "export", "fly", "identify", "judge", "learn", "learn_update", "linear",
     "load", "load_robot", "loop", "perceive", "plan", "plots", "plots_motion", "plots_pilot",
-    "register_controller", "replay", "save", "simulate", "step", "track", "tune", "view",
+    "register_controller", "replay", "save", "simulate", "stability", "step", "track", "tune",
+    "view",
 ]  # fmt: skip
 
 

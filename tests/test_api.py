@@ -170,7 +170,7 @@ def test_every_argument_of_every_function_refuses_an_odd_object(short, run, tmp_
         "learn_update": ["state", ["r.csv"]],
         "register_controller": ["own", object],
         **{x: [short] for x in ("loop", "simulate", "tune", "bode", "learn", "linear", "view")},
-        "step": [short],
+        "step": [short], "stability": [short],
     }  # fmt: skip
     objects = {x: getattr(sdt, x) for x in sdt.__all__}
     functions = {x for x, y in objects.items() if callable(y) and not isinstance(y, type)}

@@ -15,6 +15,7 @@ HIGHER = {
     ("analysis/comparison.py", "show.figures.runs:comparison"),
     ("analysis/frequency_response.py", "show.figures.runs:bode"),
     ("analysis/loop_step.py", "show.figures.runs:loop_step"),
+    ("analysis/stability.py", "show.figures.runs:stability"),
     ("pilot/orientation.py", "show.figures.pilot:percept"),
     ("machine/replay.py", "show.figures.replay:replay_figure"),
     ("motion/plan.py", "show.figures.motions:plan"),

@@ -15,18 +15,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.linear import close, linear_feedback, linear_process
+from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array, Complex
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
-from sdt_drake.robot.device import Drive, Elasticity, Encoder
+from sdt_drake.io.results import Results
+from sdt_drake.io.shown import Shown, Summary, higher, of_joints
+from sdt_drake.robot.device import ENCODERS, Drive, Elasticity, Encoder
 from sdt_drake.robot.dynamics import where_largest
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 from sdt_drake.systems.state_space import StateSpace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MIN_OMEGA_R = 0.1
 """Smallest omega_r of a sweep [rad/s]; slower modes are lost in round-off of a sampled loop."""
@@ -124,6 +134,112 @@ def stability_sweep(
     for k, sample in enumerate(with_progress(samples.tolist())):
         sweep_joint(k, sample)
     return StabilitySweep(ratios, damping, overshoot, unstable_from)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Stability(Shown):
+    """Sweeps of a scenario's controller: encoders on motor and link, ideal and its own drive."""
+
+    design: Design
+    """The design of the controller."""
+    omega_r: float
+    """Locked-rotor frequency of each elastic joint [rad/s]."""
+    damping_ratio: float
+    """Damping ratio of the elastic joints [-]."""
+    sweeps: dict[str, dict[str, StabilitySweep]]
+    """Sweeps by place of the encoder and by drive; the last drive is the scenario's."""
+
+    @property
+    def title(self) -> str:
+        scenario = self.design.scenario
+        label = scenario.controller.label
+        return f"{scenario.name}: {label}, elastic joints of {self.omega_r:g} rad/s"
+
+    def verdict(self, encoder: str) -> str:
+        """Return whether the scenario's own gains are stable, and the ratios that show it."""
+        own, joint = own_ratio(self.design, self.omega_r), self.design.device.simulated.joint
+        limit = [*self.sweeps[encoder].values()][-1].unstable_from
+        beyond = np.flatnonzero(own >= limit).tolist()
+        if beyond:
+            descriptions = (
+                f"{joint(k)} (omega_n / omega_r = {own[k]:.3f}, unstable from {limit[k]:.3f})"
+                for k in beyond
+            )
+            return f"the scenario's own gains are unstable for {', '.join(descriptions)}"
+        k = int((limit / own).argmin())
+        least = f", unstable from {limit[k]:.3f} (joint {k + 1})" if np.isfinite(limit[k]) else ""
+        return f"the scenario's own gains are stable at omega_n / omega_r = {own[k]:.3f}{least}"
+
+    def summary(self) -> Summary:
+        columns = {
+            f"encoder on the {encoder}, {drive}": (".3f", sweep.unstable_from)
+            for encoder, by_drive in self.sweeps.items()
+            for drive, sweep in by_drive.items()
+        }
+        title = f"of {self.title}; smallest unstable omega_n / omega_r"
+        return of_joints(title, columns, self.design.device.simulated.joint_names)
+
+    def results(self) -> Results:
+        """Return the sweeps as columns, with a row for each encoder, drive and ratio."""
+        every = [
+            (encoder, drive, sweep)
+            for encoder, by_drive in self.sweeps.items()
+            for drive, sweep in by_drive.items()
+        ]
+        encoders, drives, sweeps = zip(*every, strict=True)
+        counts = [len(sweep.ratio) for sweep in sweeps]
+        columns = {"encoder": np.repeat(encoders, counts), "drive": np.repeat(drives, counts)}
+        for name in ("ratio", "damping", "overshoot_percent"):
+            columns[name] = np.concatenate([getattr(sweep, name) for sweep in sweeps])
+        limits = np.repeat([sweep.unstable_from for sweep in sweeps], counts, axis=0)
+        about = {"title": self.title, "omega_r": self.omega_r, "damping_ratio": self.damping_ratio}
+        return Results(about, columns | {"unstable_from": limits})
+
+    def plot(self) -> Figure:
+        """Return a figure of the smallest damping ratios and overshoots over omega_n / omega_r."""
+        names = self.design.device.simulated.joint_names
+        return higher("show.figures.runs:stability")(self.title, self.sweeps, names)
+
+
+def stability(
+    design: Design | Scenario, *, omega_r: float | None = None, damping: float | None = None
+) -> Stability:
+    """Find the largest stable gains with elastic joints, as `sdt-drake stability`.
+
+        >>> import sdt_drake as sdt
+        >>> print(sdt.stability(sdt.load("axis_pi"), omega_r=65.991).verdict("link").split(" (")[0])
+        the scenario's own gains are unstable for joint 1 'planetary'
+
+    Args:
+        design: a scenario or its design.
+        omega_r: lowest natural frequency of the structure [rad/s]; by default that of the scenario.
+        damping: damping ratio of the elastic joints [-]; by default that of the scenario's
+            plant.elasticity, or 0.01.
+
+    Raises:
+        InputError: naming the wrong argument; `omega_r` is needed for a scenario with kp and ki.
+    """
+    design = as_design(design)
+    if omega_r is None:
+        omega_r = design.tuning.omega_r
+    if omega_r is None:
+        raise InputError(
+            "missing, expected the lowest natural frequency of the structure [rad/s], since the "
+            "scenario has kp and ki but no controller.omega_r",
+            place="omega_r",
+        )
+    finite_number(omega_r, "omega_r", minimum=MIN_OMEGA_R)
+    own = design.scenario.drive
+    if damping is None:
+        damping = design.scenario.plant.elasticity.damping_ratio
+    finite_number(damping, "damping", minimum=0)
+    drives = {"ideal drive": IDEAL} | ({"the scenario's drive": own} if own != IDEAL else {})
+    sweeps: dict[str, dict[str, StabilitySweep]] = {encoder: {} for encoder in ENCODERS}
+    for encoder, label in with_progress([*product(ENCODERS, drives)]):
+        sweeps[encoder][label] = stability_sweep(
+            design, omega_r, encoder=encoder, drive=drives[label], damping_ratio=damping
+        )
+    return Stability(design, omega_r, damping, sweeps)
 
 
 def stands_alone(design: Design) -> bool:

@@ -7,7 +7,9 @@ from scipy.optimize import brentq
 from test_linear import OMEGA_R, cascade_map, moving, two_masses
 from variants import kind
 
+import sdt_drake as sdt
 from sdt_drake.analysis.stability import stability_sweep
+from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Drive
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
@@ -84,3 +86,20 @@ def test_other_controllers_of_speed_have_the_modes_of_pi(designed, design, contr
     np.testing.assert_allclose(sweep.damping, plain.damping, rtol=1e-9)
     expected = plain.overshoot_percent[2] if overshoot is None else [overshoot] * 4  # at 0.5
     np.testing.assert_allclose(sweep.overshoot_percent[2], expected, atol=0.5)
+
+
+def test_stability_of_a_scenario_sweeps_both_encoders_with_ideal_and_own_drive(designed):
+    sampled = Drive(period=0.005)
+    found = sdt.stability(designed("axis_pi", {"drive": sampled}), omega_r=OMEGA_R, damping=0.02)
+    drives = {"ideal drive": Drive(), "the scenario's drive": sampled}
+    assert {encoder: list(by) for encoder, by in found.sweeps.items()} == dict.fromkeys(
+        ("motor", "link"), list(drives)
+    )
+    one = stability_sweep(
+        found.design, OMEGA_R, encoder="link", drive=sampled, ratios=SOME, damping_ratio=0.02
+    )
+    kept = found.sweeps["link"]["the scenario's drive"]
+    rows = [int(np.abs(kept.ratio - ratio).argmin()) for ratio in SOME]
+    np.testing.assert_array_equal(kept.damping[rows], one.damping)
+    with pytest.raises(InputError, match=r"^omega_r: missing, expected"):
+        sdt.stability(designed("axis_pi"))

@@ -47,7 +47,8 @@ OTHER_LINES = {"simulate": RUN, "step": AXIS, "tune": AXIS, "stability": RUN}
 HEAVY = (
     "machine.identify.procedure:identify", "machine.identify.judge:judge", "machine.replay:replay",
     "machine.cueing.procedure:fly", "machine.identify.excitation:excite",
-    "machine.learn.trials:learn", "machine.learn.recorded_step:update", "machine.fmu:write_fmu",
+    "machine.learn.procedure:run_and_learn", "machine.learn.trials:learn",
+    "machine.learn.recorded_step:update", "machine.fmu:write_fmu",
     "machine.drive_files.export:export", "studies.execute:run_study", "pilot.pilots:feelings",
 )  # fmt: skip
 """Functions that take long: what commands give them stands for the result."""
