@@ -17,6 +17,8 @@ from hypothesis import settings
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads of it would fight for the cores
 
+pytest.register_assert_rewrite("helpers", "oracles")
+
 settings.register_profile("suite", derandomize=True, deadline=None, database=None, max_examples=30)
 settings.load_profile("suite")
 
@@ -25,7 +27,7 @@ def pytest_configure(config):
     if config.getoption("numprocesses", None):  # its workers, and all they start, compile code once
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     else:
-        for name in ("browser", "command_line"):
+        for name in ("helpers.browser", "helpers.command_line"):
             config.pluginmanager.import_plugin(name)
 
 

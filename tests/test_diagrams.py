@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from figures import check_same, content_of
+from helpers.figures import check_same, content_of
 
 import sdt_drake
 from sdt_drake.paper.diagrams import DIAGRAMS

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from second_order import Formula
+from oracles.second_order import Formula
 
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.paper.published import FIGURE4, FIGURE4_ZETA, OMEGA_R, table1

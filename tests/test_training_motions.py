@@ -4,7 +4,7 @@ import runpy
 from pathlib import Path
 
 import pytest
-from figures import check_same_numbers, content_of
+from helpers.figures import check_same_numbers, content_of
 
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.motion import load_plan, story_of

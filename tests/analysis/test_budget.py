@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from by_hand import GEAR, rk4
-from variants import kind
+from helpers.variants import kind
+from oracles.by_hand import GEAR, rk4
 
 from sdt_drake.analysis.budget import PARTS, error_budget
 from sdt_drake.io.errors import InputError

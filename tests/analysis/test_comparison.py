@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from variants import kind as controller
+from helpers.variants import kind as controller
 
 from sdt_drake.analysis.comparison import (
     compare,

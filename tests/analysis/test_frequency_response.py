@@ -3,12 +3,13 @@
 import control
 import numpy as np
 import pytest
-from by_hand import GEAR, ROTORS
+from helpers.modes import moving, same
+from helpers.strategies import GENERATORS
+from helpers.variants import kind, overruled, weaker
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from strategies import GENERATORS
-from test_linear import moving, same, two_masses
-from variants import kind, overruled, weaker
+from oracles.by_hand import GEAR, ROTORS
+from oracles.python_control import crossings_of, pi_loop, process
 
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.analysis.linear import linearise
@@ -18,20 +19,6 @@ from sdt_drake.robot.dynamics import Loads
 from sdt_drake.run.simulate import simulate
 
 STEP = Motion.from_speeds(0.005, np.zeros(4), np.repeat([[0.0] * 4, [1.0] * 4], [1, 40], axis=0))
-
-
-def process(inertia, rotor, viscous, lag, error, springs, encoder):
-    """From the command to speed and angle of the encoder and speed of the link, motor side."""
-    A, B = np.array([[0.0, 1], [0, 0]]), np.array([[0], [1 / inertia]])
-    if springs:
-        A, B = two_masses(rotor, inertia - rotor, *springs)
-    A[1, 1] -= viscous / (inertia - rotor if springs else inertia)
-    n = len(A)
-    if lag:
-        A = np.block([[A, B], [np.zeros(n), -2 * np.pi * lag]])
-        B = np.eye(n + 1)[:, n:] * 2 * np.pi * lag
-    at = n - 2 if encoder == "motor" else 0
-    return control.ss(A, (1 + error) * B, np.eye(len(A))[[at + 1, at, 1]], 0)
 
 
 @settings(max_examples=8, phases=[Phase.generate])  # shrinking would take minutes
@@ -76,15 +63,7 @@ def test_loops_are_those_of_python_control(
 
     for k in range(4):
         P = process(inertia[k], ROTORS[k], viscous[k], lag, error[k], springs, encoder)
-        integral = control.tf([ki[k]], [1, 0])
-        if period:
-            P = control.sample_system(P, period, "zoh")
-            integral = control.tf([ki[k] * period], [1, -1], period)
-        speed = control.tf([1, -1], [period, 0], period) * P[1, 0] if by_differences else P[0, 0]
-        both = control.ss(kp[k] + integral)
-        loop, ahead = both * speed, control.ss(weight * kp[k] + integral)
-        closed = P[2, 0] * ahead * control.feedback(1, loop)
-
+        loop, closed = pi_loop(P, kp[k], ki[k], weight, period, by_differences)
         gain, tracking = (x.frequency_response(omega).complex for x in (loop, closed))
         np.testing.assert_allclose(response.loop_gain[:, k], gain, rtol=1e-3)
         same(response.tracking[:, k], tracking, 1e-4)
@@ -101,10 +80,7 @@ def test_loops_are_those_of_python_control(
         assert response.damping[k] == pytest.approx(damping, abs=1e-6)
         assert response.stable[k] == (damping > 0)
 
-        cut = control.stability_margins(control.frd(gain, omega), returnall=True)
-        gains, angles, _, _, crossings, _ = cut
-        if period and gain[-1].real < 0:
-            gains = np.append(gains, 1 / np.abs(gain[-1]))  # at the Nyquist frequency
+        gains, angles, crossings = crossings_of(gain, omega, period)
         found = (response.gain_margin, response.gain_reduction, response.crossover)
         expected = min(gains[gains > 1], default=np.inf), max(gains[gains < 1], default=0)
         np.testing.assert_allclose(

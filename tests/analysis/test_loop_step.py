@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from second_order import Formula
+from oracles.second_order import Formula
 
 import sdt_drake as sdt
 from sdt_drake.analysis.step import step_metrics

@@ -3,10 +3,10 @@
 import control
 import numpy as np
 import pytest
+from helpers.variants import kind
+from oracles.two_mass import cascade_map
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
-from test_linear import cascade_map
-from variants import kind
 
 import sdt_drake as sdt
 from sdt_drake.analysis.frequency_response import frequency_response

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from by_hand import ROTORS
+from helpers.modes import moving
+from helpers.variants import kind
+from oracles.by_hand import ROTORS
+from oracles.two_mass import cascade_map, two_masses
 from scipy.optimize import brentq
-from test_linear import OMEGA_R, cascade_map, moving, two_masses
-from variants import kind
 
 import sdt_drake as sdt
 from sdt_drake.analysis.stability import stability_sweep
@@ -13,6 +14,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Drive
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
+OMEGA_R = 65.991
 SOME = np.array([0.1, 0.3, 0.5, 0.7, 1.0, 1.5])
 
 

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.strategies import GENERATORS
+from helpers.variants import recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import GENERATORS
-from variants import recorded
 
 from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of
 from sdt_drake.analysis.step import step_metrics

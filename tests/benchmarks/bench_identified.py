@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[1])]
 
-from known_truth import HEAVIER, PILOT
+from helpers.known_truth import HEAVIER, PILOT
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.machine.identify.base_parameters import rigid_parameters

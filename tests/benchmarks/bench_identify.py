@@ -17,7 +17,7 @@ from timing import head, row
 
 sys.path[:0] = [str(Path(__file__).parents[1])]
 
-from robots import chain_sdf, loaded
+from helpers.robots import chain_sdf, loaded
 
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.regressor import regressor

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from command_line import ARM, AXIS, RUN, SDF, SHORT_MOTION, is_one_line
+from helpers.command_line import ARM, AXIS, RUN, SDF, SHORT_MOTION, is_one_line
 from pydrake.systems.analysis import Simulator
 
 from sdt_drake.cli import COMMANDS, SUBCOMMANDS

@@ -9,7 +9,7 @@ import sys
 import warnings
 
 import pytest
-from command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program, refused
+from helpers.command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program, refused
 from matplotlib.figure import Figure
 
 import sdt_drake

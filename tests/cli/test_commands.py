@@ -11,11 +11,11 @@ import zipfile
 from functools import partial
 from pathlib import Path
 
-import command_line
 import numpy as np
 import pytest
 import yaml
-from figures import check_same_text
+from helpers import command_line
+from helpers.figures import check_same_text
 
 from sdt_drake.cli import COMMANDS
 from sdt_drake.machine.cueing import procedure

@@ -3,8 +3,8 @@
 import importlib
 from pathlib import Path
 
-import command_line
 import pytest
+from helpers import command_line
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs, replacing_files, write_text

@@ -4,10 +4,10 @@ import re
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-import command_line
 import numpy as np
 import pytest
-from robots import RATE_TABLE, SIX
+from helpers import command_line
+from helpers.robots import RATE_TABLE, SIX
 
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.resources import models_dir

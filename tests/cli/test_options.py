@@ -4,10 +4,10 @@ import importlib
 from dataclasses import fields, is_dataclass
 from typing import get_args
 
-import command_line
 import numpy as np
 import pytest
-from command_line import AXIS, RUN, SHORT_MOTION, snapshot
+from helpers import command_line
+from helpers.command_line import AXIS, RUN, SHORT_MOTION, snapshot
 from test_bad_use import EVERY, POSITIONAL, crowded  # noqa: F401
 
 from sdt_drake.cli.app import commands

@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pyarrow as pa
 import pytest
-from command_line import ARM, SCENARIO
+from helpers.command_line import ARM, SCENARIO
+from helpers.robots import URDF
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
-from robots import URDF
 from scipy.io import savemat
 
 from sdt_drake.io import formats

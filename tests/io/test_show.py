@@ -5,7 +5,7 @@ import os
 
 import matplotlib.pyplot as plt
 import pytest
-from command_line import FIGURE, WRITERS, program, refused
+from helpers.command_line import FIGURE, WRITERS, program, refused
 from rich.console import Console
 
 from sdt_drake.cli import printing

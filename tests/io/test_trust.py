@@ -19,7 +19,7 @@ from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.study import load_study
 
-OWN = (Path(__file__).parents[1] / "own_controllers.py").read_text(encoding="utf-8")
+OWN = (Path(__file__).parents[1] / "helpers" / "own_controllers.py").read_text(encoding="utf-8")
 SCENARIO = """
 {motion: short.yaml, plant: {kind: coupled},
  controller: {kind: proportional, file: own.py, omega_r: 66}}

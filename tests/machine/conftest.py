@@ -5,14 +5,14 @@ import pytest
 
 @pytest.fixture(scope="session")
 def true(robot):
-    from known_truth import true_robot
+    from helpers.known_truth import true_robot
 
     return true_robot(robot)
 
 
 @pytest.fixture(scope="session")
 def found(robot, true):
-    from known_truth import recorded_of
+    from helpers.known_truth import recorded_of
 
     from sdt_drake.machine.identify.procedure import identify
 

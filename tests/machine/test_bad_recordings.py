@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import simulated_recordings as simulated
-from known_truth import changed, motion, recorded_of
+from helpers import simulated_recordings as simulated
+from helpers.known_truth import changed, motion, recorded_of
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.finding import Finding

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from drive_readers import read_cam, read_csv, read_trajectory
+from helpers.drive_readers import read_cam, read_csv, read_trajectory
 from markdown_it import MarkdownIt
 
 from sdt_drake.cli.app import main

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command_line import ARM
+from helpers.command_line import ARM
 
 from sdt_drake.machine.identify.excitation import _SEARCH, RATE, excite
 from sdt_drake.machine.identify.limits import Limits, assumed

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.strategies import GENERATORS
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import GENERATORS
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.flight import FlightColumns, make_flight, read_flight

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from robots import chain_sdf, loaded
+from helpers.robots import chain_sdf, loaded
 from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 

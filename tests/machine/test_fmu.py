@@ -1,15 +1,13 @@
 """Loops as FMUs, which FMPy runs, beside the same loops run here."""
 
-import tempfile
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description
-from fmpy.fmi2 import FMU2Slave
+from helpers.variants import kind
+from oracles.fmu_player import PERIOD, running
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
-from variants import kind
 
 from sdt_drake.machine.fmu import write_fmu
 from sdt_drake.pilot.head import head_motion
@@ -18,53 +16,6 @@ from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
 
 ONLINE = kind("p_pi+id") | {"inverse_dynamics": "online"}
-PERIOD = 0.005
-
-
-class Fmu:
-    """An FMU that another simulator runs, with its variables by their names."""
-
-    def __init__(self, path, folder):
-        description = read_model_description(path)
-        self._numbers = {v.name: v.valueReference for v in description.modelVariables}
-        self.slave = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=folder,
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="loop",
-        )
-        self.slave.instantiate(loggingOn=True)
-        self._steps = 0
-
-    def begin(self, **parameters):
-        self.slave.setupExperiment(startTime=0.0)
-        self.slave.enterInitializationMode()
-        for name, values in parameters.items():
-            self.put(name, values)
-        self.slave.exitInitializationMode()
-
-    def numbers(self, name):
-        return [n for x, n in self._numbers.items() if x.partition("[")[0] == name]
-
-    def put(self, name, values):
-        self.slave.setReal(self.numbers(name), [float(x) for x in values])
-
-    def get(self, name):
-        return np.array(self.slave.getReal(self.numbers(name)))
-
-    def step(self, period=PERIOD):
-        self.slave.doStep(self._steps * PERIOD, period)
-        self._steps += 1
-
-
-@contextmanager
-def running(path):
-    with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(path, extract(path, folder))
-        try:
-            yield fmu
-        finally:
-            fmu.slave.freeInstance()
 
 
 @pytest.fixture(scope="module")

@@ -4,13 +4,13 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import dh
 import numpy as np
 import pytest
-from known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of
-from robots import chain_sdf
+from helpers.known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of
+from helpers.robots import chain_sdf
+from helpers.simulated_recordings import course
+from oracles import dh
 from scipy.linalg import sqrtm
-from simulated_recordings import course
 
 from sdt_drake.machine.diagnose.fit import inconsistent
 from sdt_drake.machine.identify import model

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of, true_robot
-from simulated_recordings import course, file_robot
+from helpers.known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of, true_robot
+from helpers.simulated_recordings import course, file_robot
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table

@@ -4,9 +4,9 @@ import signal
 from dataclasses import replace
 from types import SimpleNamespace
 
-import command_line
 import numpy as np
 import pytest
+from helpers import command_line
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError

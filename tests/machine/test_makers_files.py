@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dh import DhTable
+from oracles.dh import DhTable
 
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.filtering import stretches, zero_phase_low_pass

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dh import DATA, UR10, needs_data
+from helpers.strategies import GENERATORS
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import GENERATORS
+from oracles.dh import DATA, UR10, needs_data
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.procedure import identify

@@ -4,11 +4,11 @@ import sys
 
 import numpy as np
 import pytest
+from helpers.known_truth import changed, motion, recorded_of, true_robot
+from helpers.strategies import moving
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_truth import changed, motion, recorded_of, true_robot
 from scipy.signal import butter, sosfiltfilt
-from strategies import moving
 
 from sdt_drake.machine.identify import equations as module
 from sdt_drake.machine.identify.base_parameters import (

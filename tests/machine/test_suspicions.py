@@ -1,17 +1,12 @@
 """What is said of recordings that are read otherwise than they are; the truth is known."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import simulated_recordings as simulated
-
-sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-
-from bench_suspicions import blames, names, recording
-from dh import DATA, KUKA_KR300, UR10, needs_data
+from helpers import simulated_recordings as simulated
+from helpers.faults import blames, names, recording
+from oracles.dh import DATA, KUKA_KR300, UR10, needs_data
 
 from sdt_drake.machine.diagnose.finding import KINDS
 from sdt_drake.machine.diagnose.recording import check_recording

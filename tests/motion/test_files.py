@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.motions import PERIOD, SWING
+from helpers.strategies import motions
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from motions import PERIOD, SWING
 from pydrake.trajectories import PiecewisePolynomial
-from strategies import motions
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motions import LIMITS, PERIOD, alone, falling, knots, sampled
+from helpers.motions import LIMITS, PERIOD, alone, falling, knots, sampled
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError

@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.motions import A_1, INERTIA_1, LIMITS, PERIOD, SWING, alone, falling, knots, sampled
+from helpers.robots import ARM, loaded
+from helpers.strategies import profiles, robots
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from motions import A_1, INERTIA_1, LIMITS, PERIOD, SWING, alone, falling, knots, sampled
-from robots import ARM, loaded
 from scipy.optimize import linprog
 from scipy.spatial import cKDTree
-from strategies import profiles, robots
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import (

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.motions import sampled
+from helpers.strategies import profiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motions import sampled
 from pydrake.multibody.tree import JacobianWrtVariable
-from strategies import profiles
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import MotionProfile, command_of, load_command

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from variants import overruled
+from helpers.variants import overruled
 
 from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
 from sdt_drake.paper.reproduction import Case

@@ -1,9 +1,9 @@
 """Specific force and rates of the pilot's head, beside Drake's multibody kinematics."""
 
 import numpy as np
+from helpers.strategies import moving
 from hypothesis import Phase, given, settings
 from pydrake.multibody.tree import JacobianWrtVariable
-from strategies import moving
 
 from sdt_drake.pilot.head import head_motion
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.strategies import GENERATORS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.signal import TransferFunction, lsim
-from strategies import GENERATORS
 
 from sdt_drake.pilot.canals import canals, low_pass, sensed_rate
 from sdt_drake.pilot.head import HeadMotion

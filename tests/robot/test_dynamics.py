@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import ARM, URDF, loaded
+from helpers.robots import ARM, URDF, loaded
 
 from sdt_drake.robot import device
 from sdt_drake.robot.device import Elasticity, Friction, springs_of

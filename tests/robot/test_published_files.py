@@ -3,9 +3,9 @@ coupled."""
 
 import numpy as np
 import pytest
+from helpers.robots import ARM, URDF, loaded, refused
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from robots import ARM, URDF, loaded, refused
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.drive_files import Axis, Drives, Samples, samples_from, set_points

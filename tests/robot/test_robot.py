@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import ARM, URDF, loaded, refused
+from helpers.robots import ARM, URDF, loaded, refused
 
 from sdt_drake.robot.motors import load_catalogue
 

@@ -5,9 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from helpers.strategies import GENERATORS, moving, robots
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
-from strategies import GENERATORS, moving, robots
+from oracles.pinocchio_model import pinocchio_torque
 
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import decouple, effective_inertia, inverse_dynamics, torque_groups
@@ -17,23 +18,6 @@ from sdt_drake.robot.robot import Robot, edited, load_robot
 NO_SHRINKING = (Phase.explicit, Phase.generate)  # a seed has no simpler one
 FEW = settings(max_examples=10, phases=NO_SHRINKING)
 MANY = settings(max_examples=30, phases=NO_SHRINKING)
-
-
-def pinocchio_torque(robot, q, v, vd):
-    """Of the links alone, without friction."""
-    pin = pytest.importorskip("pinocchio")
-    model, parent, context = pin.Model(), 0, robot.context_at_zero()
-    for name in robot.joint_names:
-        joint = robot.plant.GetJointByName(name)
-        pose = joint.frame_on_parent().GetFixedPoseInBodyFrame()
-        place = pin.SE3(pose.rotation().matrix(), pose.translation())
-        turning = pin.JointModelRevoluteUnaligned(joint.revolute_axis())
-        parent = model.addJoint(parent, turning, place, name)
-        for body in robot.plant.GetBodiesWeldedTo(joint.child_body()):
-            pose = body.body_frame().CalcPose(context, joint.frame_on_child())
-            place = pin.SE3(pose.rotation().matrix(), pose.translation())
-            model.appendBodyToJoint(parent, pin.Inertia(*parts_of(body)), place)
-    return pin.rnea(model, model.createData(), q, v, vd)
 
 
 @MANY

@@ -4,7 +4,7 @@ import os
 import xml.etree.ElementTree as ET
 
 import pytest
-from robots import URDF
+from helpers.robots import URDF
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.shapes import drawable

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from alone import Alone
+from helpers.alone import Alone
+from helpers.variants import overruled
 from pydrake.systems.framework import LeafSystem
-from variants import overruled
 
 from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback

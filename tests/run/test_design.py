@@ -8,8 +8,8 @@ from operator import attrgetter
 
 import numpy as np
 import pytest
-from by_hand import GEAR, inverse_dynamics
-from variants import kind
+from helpers.variants import kind
+from oracles.by_hand import GEAR, inverse_dynamics
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import watching

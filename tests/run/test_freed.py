@@ -6,18 +6,17 @@ import sys
 import weakref
 from pathlib import Path
 
-import alone
 import pytest
+from helpers import alone
+from helpers.robots import WRIST, loaded
 from pydrake.systems.framework import LeafSystem
-from robots import loaded
-from test_coupled_rotors import WRIST
 
 from sdt_drake.io.resources import shipped
 from sdt_drake.run.controllers import Controller, register_controller
 from sdt_drake.run.loop import make_loop
 from sdt_drake.systems import robot_plant
 
-LOOPS = Path(__file__).with_name("dropped_loops.py")
+LOOPS = Path(__file__).parents[1] / "helpers" / "dropped_loops.py"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from by_hand import GEAR, ROTORS
+from helpers.variants import kind
+from oracles.by_hand import GEAR, ROTORS
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
-from variants import kind
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction, Springs

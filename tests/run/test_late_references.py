@@ -4,8 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from helpers.variants import kind
 from pydrake.systems.primitives import ZeroOrderHold
-from variants import kind
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive

@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
+from helpers.variants import kind, overruled, weaker
+from oracles.small_steps import STEPS, walked
 from pydrake.systems.framework import LeafSystem
-from variants import kind, overruled, weaker
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.controllers import Controller, register_controller
 from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.motor_torque import torque_limits
-from sdt_drake.run.simulate import make_simulator, simulate
+from sdt_drake.run.simulate import simulate
 
-PERIODS, STEPS = 20, 50  # 0.1 s of motion, in steps of 0.1 ms
-HAIR = 1e-9  # s
+PERIODS = 20  # 0.1 s of motion
 
 
 def short_motion():
@@ -31,32 +31,6 @@ def design_of(designed):
         return designed("coupled_pi_ctc", fields, motion=short_motion())
 
     return make
-
-
-def walked(design):
-    """Peak, RMS, mean and share of time saturated of each period, (4, N, n), by small steps."""
-    loop, period = make_loop(design), design.reference.held.period
-    simulator = make_simulator(loop.diagram, period=period, accuracy=1e-4)
-    context = simulator.get_mutable_context()
-    loop.set_steady_state(context)
-    simulator.Initialize()
-    torques, found = loop.logs["torques"], []
-    own = torques.GetMyContextFromRoot(context)
-    for i in range(PERIODS):
-        torque, saturated = [], []
-        for step in range(STEPS):
-            ends = []
-            for end in (0, 1):  # just after and just before what may happen at an instant
-                simulator.AdvanceTo((i + (step + end) / STEPS) * period + (-HAIR if end else HAIR))
-                tau_cmd, tau_limited, tau, _ = np.split(torques.get_input_port().Eval(own), 4)
-                torque.append(tau)
-                ends.append(tau_cmd != tau_limited)
-            saturated.append(np.mean(ends, axis=0))
-        a, b = np.array(torque[::2]), np.array(torque[1::2])
-        rms = np.sqrt(np.mean((a * a + a * b + b * b) / 3, axis=0))
-        mean = np.mean((a + b) / 2, axis=0)
-        found.append((np.abs(torque).max(axis=0), rms, mean, np.mean(saturated, axis=0)))
-    return np.moveaxis(np.array(found), 1, 0)
 
 
 ENVELOPE = {"n1": [20.0, 0.1, 5.0, 5.0], "n0": [300.0, 4.0, 30.0, 30.0]}

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from helpers.variants import kind
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from variants import kind
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction

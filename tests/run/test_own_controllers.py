@@ -13,7 +13,7 @@ from sdt_drake.io.trust import trusting
 from sdt_drake.run import options
 from sdt_drake.run.options import CONTROLLERS, load_controllers
 
-OWN = Path(__file__).parents[1] / "own_controllers.py"
+OWN = Path(__file__).parents[1] / "helpers" / "own_controllers.py"
 SCENARIO = """
 motion: short.yaml
 plant: {kind: coupled}

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from by_hand import axes_by_hand, inverse_dynamics, robot_by_hand
-from variants import kind, weaker
+from helpers.variants import kind, weaker
+from oracles.by_hand import axes_by_hand, inverse_dynamics, robot_by_hand
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.motion import Motion

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from by_hand import LIMIT
+from helpers.strategies import motions, robots
+from helpers.variants import weaker
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import motions, robots
-from variants import weaker
+from oracles.by_hand import LIMIT
 
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.run.controllers import CONTROLLERS

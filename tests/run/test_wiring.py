@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from alone import inputs_of, outputs_of
+from helpers.alone import inputs_of, outputs_of
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, InputPortIndex
 

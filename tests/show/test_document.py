@@ -177,7 +177,7 @@ def test_data_of_plots_end_no_script(folder):
 
 # --- in a browser ----------------------------------------------------------------------------
 
-CONTRAST = (Path(__file__).parents[1] / "contrast.js").read_text(encoding="utf-8")
+CONTRAST = (Path(__file__).parents[1] / "helpers" / "contrast.js").read_text(encoding="utf-8")
 WIDTH = "document.documentElement.scrollWidth"
 GROUND = "getComputedStyle(document.body).backgroundColor"
 

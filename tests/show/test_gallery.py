@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from figures import check_same_text, described
-from gallery_inputs import COLUMNS, FAMILIES, NAMES, ROBOT, SIZING, Inputs
+from helpers.figures import check_same_text, described
+from helpers.gallery_inputs import COLUMNS, FAMILIES, NAMES, ROBOT, SIZING, Inputs
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.model import identified_robot, plant_friction

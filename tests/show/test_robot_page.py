@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from robots import RATE_TABLE, SEVEN
+from helpers.robots import RATE_TABLE, SEVEN
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import robot_page

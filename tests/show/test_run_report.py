@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from command_line import RUN, SHORT
+from helpers.command_line import RUN, SHORT
 
 from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import Report

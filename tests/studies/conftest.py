@@ -11,7 +11,7 @@ from sdt_drake.studies.study import load_study
 
 
 def _written(folder: Path) -> Path:
-    from small_studies import write_files
+    from helpers.small_studies import write_files
 
     write_files(folder)
     return folder

@@ -8,10 +8,10 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-import odd_job
 import pytest
-from odd_job import OddJob, wait_for_end
-from small_studies import rows
+from helpers import odd_job
+from helpers.odd_job import OddJob, wait_for_end
+from helpers.small_studies import rows
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import run_study

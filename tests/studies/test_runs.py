@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import SHORT
+from helpers.command_line import SHORT
 
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError

@@ -9,7 +9,7 @@ import sqlite3
 import numpy as np
 import pytest
 import yaml
-from synthetic import table_of
+from helpers.synthetic import table_of
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError

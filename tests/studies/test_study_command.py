@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from small_studies import rows
+from helpers.small_studies import rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.run.recording import Recording

@@ -12,10 +12,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from helpers.odd_job import wait_for_end
+from helpers.small_studies import rows
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from odd_job import wait_for_end
-from small_studies import rows
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import run_study

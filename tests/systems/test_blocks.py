@@ -5,15 +5,15 @@ import re
 import textwrap
 from functools import cache, partial
 
-import alone
 import numpy as np
 import pytest
-from alone import GEAR, LIMIT, PERIOD, Alone, N, block, inputs_of, made, outputs_of
+from helpers import alone
+from helpers.alone import GEAR, LIMIT, PERIOD, Alone, N, block, inputs_of, made, outputs_of
+from helpers.strategies import GENERATORS
 from hypothesis import given
-from laws import CASES, DEVICE, TIME
+from oracles.block_laws import CASES, DEVICE, TIME
 from pydrake.common.yaml import yaml_load
 from pydrake.systems.framework import LeafSystem
-from strategies import GENERATORS
 
 from sdt_drake import pilot, systems
 from sdt_drake.io.errors import InputError

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers.robots import WRIST, loaded
+from helpers.strategies import GENERATORS, moving
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.framework import InputPortIndex, OutputPortIndex
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
-from robots import ARM, loaded
-from strategies import GENERATORS, moving
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
@@ -21,12 +21,6 @@ from sdt_drake.systems import elastic_joints, inverse_dynamics_controller, robot
 from sdt_drake.systems.elastic_joints import set_motor_state
 from sdt_drake.systems.wiring import set_state
 
-TURNS = (
-    '<sdt:turns_with joint="shoulder">-30</sdt:turns_with><drake:gear_ratio>40</drake:gear_ratio>'
-)
-TURNS += "<drake:rotor_inertia>4e-4</drake:rotor_inertia>"
-WRIST = ARM.replace("<sdf ", '<sdf xmlns:sdt="urn:s" ').replace("g>0.7", "g>0")
-WRIST = WRIST.replace("40</effort></limit></axis>", f"40</effort></limit></axis>{TURNS}")
 C, ROTORS = np.array([[10.0, 0.0], [-30.0, 40.0]]), np.array([0.01, 4e-4])
 
 

@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 import pytest
+from helpers.robots import ARM, RATE_TABLE, loaded
 from pydrake.math import RigidTransform
-from robots import ARM, RATE_TABLE, loaded
 
 from sdt_drake.systems import robot_drawing
 from sdt_drake.systems.skeleton import bones, skeleton

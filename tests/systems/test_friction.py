@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from alone import FRICTION, GEAR, N
+from helpers.alone import FRICTION, GEAR, N
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import DiagramBuilder

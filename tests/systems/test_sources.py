@@ -5,7 +5,7 @@ import gc
 
 import numpy as np
 import pytest
-from alone import LIMIT, LOADS, MOTION, PERIOD, Alone, N, exact, made, outputs_of
+from helpers.alone import LIMIT, LOADS, MOTION, PERIOD, Alone, N, exact, made, outputs_of
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, Sine
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from known_truth import recorded_of, true_robot
-from synthetic import make_table
-from variants import kind, recorded
 
+from helpers.known_truth import recorded_of, true_robot
+from helpers.synthetic import make_table
+from helpers.variants import kind, recorded
 from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse

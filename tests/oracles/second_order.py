@@ -1,4 +1,8 @@
-"""The speed loop of an axis by formulas of second order."""
+"""The speed loop of an axis by formulas of second order.
+
+Independent: steps, overshoot and settling time follow from the two poles in closed form. Nothing is
+simulated, and nothing of the package is used.
+"""
 
 import numpy as np
 

@@ -5,8 +5,8 @@ Hypothesis draws the choices; the numbers come from a seed that it draws, in gen
 
 import numpy as np
 from hypothesis import strategies as st
-from robots import chain_names, chain_sdf, loaded
 
+from helpers.robots import chain_names, chain_sdf, loaded
 from sdt_drake.motion import Motion, MotionProfile
 from sdt_drake.motion.profile import Track
 from sdt_drake.motion.segments import Fourier, Hold, Oscillation, Ramp, Segment, Turn

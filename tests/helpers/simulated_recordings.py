@@ -7,10 +7,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import numpy as np
-from dh import KUKA_KR300, UR10, DhTable
-from known_truth import changed
+from oracles.dh import KUKA_KR300, UR10, DhTable
 from scipy.interpolate import make_interp_spline
 
+from helpers.known_truth import changed
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics

@@ -1,13 +1,18 @@
-"""The law of every block, by hand in numpy: CASES."""
+"""The law of every block, by hand in numpy: CASES.
+
+Independent: each law is typed in from its equation as a function of arrays, without Drake's
+systems. Of the package come numbers of the blocks' arguments, and Algorithm 1 as a function
+(`decouple`), which the tests of robots hold.
+"""
 
 import itertools
 from functools import partial
 from types import SimpleNamespace
 
-import alone
 import numpy as np
 import pydrake.symbolic as sym
-from alone import ERROR, FEELING, FRICTION, GAINS, GEAR, LIMIT, PERIOD, N
+from helpers import alone
+from helpers.alone import ERROR, FEELING, FRICTION, GAINS, GEAR, LIMIT, PERIOD, N
 
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, Springs

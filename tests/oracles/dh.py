@@ -8,8 +8,9 @@ Robot_Identification; time, q_ref_k, v_ref_k, vd_ref_k, q_motor_k, q_link_k, joi
 motor_torque_k, motor_feedforward_k, motor side), in SI units.
 
 Link k is turned and moved from link k - 1 by Rz(q + theta) Tz(d) Tx(a) Rx(alpha) (the standard
-convention). The frame of a link is that of the table, in which centres of mass are published, and
-its joint turns about z of the link before.
+convention). Independent: poses, masses and centres are numbers of the makers' tables and go into
+the SDF by this convention; recorded torques come from real robots. The frame of a link is that of
+the table, in which centres of mass are published, and its joint turns about z of the link before.
 """
 
 import os
@@ -20,7 +21,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-_BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+_BESIDE = Path(__file__).resolve().parents[3] / "shared" / "data"
 DATA = Path(os.environ.get("SDT_RECORDINGS", _BESIDE))
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="$SDT_RECORDINGS: no such folder")
 

@@ -12,7 +12,7 @@ import pytest
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import Robot, load_robot
 
-_FILES = Path(__file__).with_name("robot")
+_FILES = Path(__file__).with_name("robot_files")
 ARM, URDF, RATE_TABLE, SIX, SEVEN = (
     (_FILES / name).read_text(encoding="utf-8")
     for name in ("arm.sdf", "arm.urdf", "rate_table.urdf", "six.urdf", "seven.urdf")
@@ -24,6 +24,14 @@ long, with its centre of mass at 0.5 m; that of link 2 is 0.3 m from the elbow. 
 axes that meet in a point. SIX: parallel axes 2, 3, 4 and a wrist with offsets, of about a UR5e's
 numbers. SEVEN: joint 4 does not reach 0, of about a Panda's numbers.
 """
+
+_TURNS = (
+    '<sdt:turns_with joint="shoulder">-30</sdt:turns_with><drake:gear_ratio>40</drake:gear_ratio>'
+)
+_TURNS += "<drake:rotor_inertia>4e-4</drake:rotor_inertia>"
+WRIST = ARM.replace("<sdf ", '<sdf xmlns:sdt="urn:s" ').replace("g>0.7", "g>0")
+WRIST = WRIST.replace("40</effort></limit></axis>", f"40</effort></limit></axis>{_TURNS}")
+"""ARM without damping, whose second motor turns with both joints."""
 
 
 def chain_names(n: int) -> tuple[str, ...]:

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pyarrow.parquet
-from command_line import SCENARIO, SHORT
+
+from helpers.command_line import SCENARIO, SHORT
 
 STUDY = """\
 scenario: {base}.yaml

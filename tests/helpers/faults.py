@@ -1,0 +1,66 @@
+"""Faults of simulated recordings: put in by name, and the finding that names each."""
+
+import numpy as np
+
+from helpers import simulated_recordings as simulated
+from sdt_drake.machine.diagnose.finding import Finding
+
+NEUTRAL = {"beyond limit", "at limit", "excitation", "still", "inconsistent"}
+"""Kinds of findings that blame no recording."""
+
+EXPECTED = {
+    "jitter": ("uneven", ""),
+    "rounded": ("rounded", ""),
+    "missing": ("missing", ""),
+    "repeated": ("repeated", ""),
+    "held": ("held", "torque_delay: "),
+    "frozen_q": ("frozen", "q_"),
+    "frozen_tau": ("frozen", "tau_"),
+    "clipped": ("clipped", ""),
+    "speeds_in_degrees": ("speeds", "in degrees"),
+    "speeds_of_motors": ("speeds", "those of the motor"),
+    "speeds_late": ("late speeds", ""),
+    "clock": ("clock", ""),
+    "degrees": ("degrees", "angle: deg"),
+    "torque_late": ("late torques", ""),
+    "torque_of_one_late": ("residual", "joint 2: "),
+    "kilo": ("unit", "in kN m"),
+    "milli": ("unit", "in N mm"),
+    "motor_side": ("unit", "of the motors"),
+    "amperes": ("unit", "a current"),
+    "per_mille": ("unit", "per mille"),
+    "swapped": ("columns", "tau_2 and tau_3 swapped"),
+    "reversed_order": ("columns", "from the tip to the base"),
+    "torque_sign": ("columns", "with the opposite sign"),
+    "direction": ("columns", "the opposite direction of joint"),
+    "zero": ("columns", "an offset of q_2"),
+    "ceiling": ("columns", "upside down"),
+    "wall": ("columns", "as on a wall"),
+    "tilt": ("columns", "turned by 20 degrees"),
+    "drift": ("residual", "friction"),
+    "hysteresis": ("residual", "builds up over an angle"),
+    "spring": ("residual", "acts on its position"),
+}
+"""The kind of the finding for each fault, and words of its sentence or remedy."""
+
+
+def recording(name: str, fault: str, seed: int):
+    """Robot of the file and recording of a fault; "" for none."""
+    mounting = fault if fault in simulated.MOUNTINGS else ""
+    truth = simulated.truth(name, seed, mounting)
+    if not fault or mounting:
+        return truth.robot, truth.recorded
+    made = {"kilo": simulated.scaled(1e-3), "milli": simulated.scaled(1e3)}
+    put_in = made.get(fault) or getattr(simulated, fault)
+    return truth.robot, put_in(truth, np.random.default_rng([seed, 7]))
+
+
+def blames(found) -> list[Finding]:
+    """Findings of an identification that blame its recording."""
+    return [one for one in found.findings if one.kind not in NEUTRAL]
+
+
+def names(one: Finding, fault: str) -> bool:
+    """True if a finding names a fault."""
+    kind, words = EXPECTED[fault]
+    return one.kind == kind and words in str(one)

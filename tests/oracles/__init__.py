@@ -1,0 +1,1 @@
+"""Independent calculations: see README.md."""
