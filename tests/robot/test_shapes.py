@@ -100,3 +100,25 @@ def test_a_broken_mesh_is_not_drawn(with_mesh, text):
     many = "\n".join(f"map_Kd {k}" for k in range(2001))
     told = with_mesh({"a.obj": LIBRARY, "a.mtl": many})
     assert told == "link 'upper': mesh a.obj refers to more than 2000 files"
+
+
+PLACES = [
+    ("a%20b.obj", "a b.obj"),
+    ("file://a%20b.obj", "a b.obj"),
+    ("package://description/looks/a.gltf", "looks/a.gltf"),
+    ("none.obj", "none.obj is missing"),
+    ("package://sdt/../../a.obj", "package://sdt/../../a.obj is missing"),
+    ("a.dae", "a.dae has an unsupported format, expected one of .obj, .gltf, .vtk"),
+]
+"""Names of meshes, and the files that they are, or why they are not drawn."""
+
+
+@pytest.mark.parametrize("uri, expected", PLACES)
+def test_a_mesh_is_found_beside_its_robot_or_in_its_package(with_mesh, tmp_path, uri, expected):
+    files = {"a b.obj": "", "a.dae": "", "looks/a.gltf": gltf('"images": []')}
+    told, home = with_mesh(files, f'filename="{uri}"'), tmp_path / "description"
+    mesh = ET.fromstring(drawable(load_robot(home / "arm.urdf"))[0]).find(".//mesh")
+    if expected in files:
+        assert (told, mesh.get("filename")) == ("", f"file://{home / expected}")
+    else:
+        assert (told, mesh) == (f"link 'upper': mesh {expected}", None)

@@ -1,0 +1,86 @@
+"""What a URDF cannot say is refused, what has no meaning in it is left out."""
+
+import numpy as np
+import pytest
+from pydrake.math import RollPitchYaw
+from robots import ARM, URDF, loaded, refused
+
+from sdt_drake.robot.deviation import Deviation, deviated
+
+_SHOULDER, _ELBOW, _LOWER = "joint 'shoulder'.*", "joint 'elbow'.*", "link 'lower': "
+_LOWER_BODY = URDF[URDF.rindex("<inertial>") : URDF.rindex("</link>")]
+_BASE, _END = '<link name="base"/>', "</robot>"
+_SECOND = URDF[URDF.index("<transmission") : URDF.index("<gazebo")].replace("drive", "second")
+
+# A row for each refusal of the conversion, in the order of its file.
+BAD = [
+    (_BASE, _BASE + '<link name="b"/>', "2 links that no joint carries, expected one"),
+    (_BASE, f'<link name="world">{_LOWER_BODY}</link>', "link 'world': <inertial> would have no"),
+    ('<joint name="shoulder"><', '<joint name="knee"><', "joint 'knee', which is not there"),
+    ("rotor_inertia", "rotor_intertia", "actuator 'motor': <drake:rotor_intertia> in <actuator>"),
+    ("<dynamics", '<mimic joint="elbow"/><dynamics', _SHOULDER + "<mimic> in <joint> is not supp"),
+    ("robot", "machine", "<machine> is not <robot>"),
+    ('xyz="0.3 0 0"', 'xyz="0.3 0 0" quat="1 0 0 0"', _LOWER + "quat of <origin> is not support"),
+    ("<dynamics", '<dynamics damping="1"/><dynamics', _SHOULDER + "<dynamics> more than once in"),
+    ("SimpleTrans", "FourBarTrans", "transmission 'drive': type 'transmission_interface/FourBar"),
+    ("SimpleTrans", "DifferentialTrans", "expected 2 joint, 2 actuator, and no other on the joi"),
+    (_END, _SECOND + _END, "transmission 'second': expected one joint, one actuator, and no other"),
+    (_LOWER_BODY, "", _LOWER + "no <inertial>; add its mass and inertia, 0 if it has none"),
+    ('"continuous"', '"prismatic"', _ELBOW + "is prismatic, expected revolute, continuous, fixed"),
+    ('<limit effort="40"/>', '<limit effort="40" lower="1"/>', _ELBOW + "lower and upper, or type"),
+    ('lower="-2" ', "", _SHOULDER + "lower and upper, or type continuous and neither"),
+    ('xyz="0.8 0 0"', 'xyz="0.8 0"', _ELBOW + "xyz or rpy is '0.8 0', expected 3 numbers"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_urdf_is_refused_with_file_and_place(old, new, message):
+    refused(URDF, old, new, message)
+
+
+def test_numbers_without_a_meaning_are_left_out_and_told():
+    text = URDF.replace('<limit effort="40"/>', '<limit effort="40" lower="-6.28" upper="6.28"/>')
+    text = text.replace("<dynamics ", '<dynamics D="1" K="7000" mu_coulomb="0" mu_viscous="16" ')
+    at = '<joint name="shoulder"><hardware'
+    robot = loaded(text.replace(at, at.replace("><", "><offset>1.57</offset><")), ".urdf")
+    assert robot.accepted == (
+        "joint 'shoulder': D of <dynamics>, K of <dynamics>, mu_coulomb of <dynamics> and "
+        "mu_viscous of <dynamics> have no meaning in URDF and were ignored",
+        "joint 'elbow': lower of <limit> and upper of <limit> have no meaning in URDF and were "
+        "ignored",
+        "transmission 'drive': <offset> 1.57 is ignored: the zero position of a motor has no effect",
+    )
+    assert np.isinf(robot.position_upper[1]) and robot.position_upper[0] == 1
+    np.testing.assert_array_equal(robot.damping, [0.7, 0])
+    np.testing.assert_array_equal(robot.gear_ratio, [10, 1])
+    plain = loaded(text.replace(at, at.replace("><", "><offset>0.0</offset><")), ".urdf")
+    assert plain.accepted == robot.accepted[:2]  # a zero tells nothing
+
+
+def test_a_frame_stands_on_a_link_without_mass():
+    """1 m along the lower link, which is 0.8 m along the upper one, and 2 m across."""
+    more = (
+        "<link name='tool'/><joint name='flange' type='fixed'><parent link='lower'/>"
+        "<child link='tool'/><origin xyz='1 0 0'/></joint>"
+        "<frame name='head' link='tool' xyz='0 2 0' rpy='0 0 1'/></robot>"
+    )
+    plant = loaded(URDF.replace("</robot>", more), ".urdf").plant
+    X = plant.GetFrameByName("head").CalcPoseInWorld(plant.CreateDefaultContext())
+    np.testing.assert_allclose(X.translation(), [1.8, 2, 0], atol=1e-15)
+    np.testing.assert_allclose(RollPitchYaw(X.rotation()).vector(), [0, 0, 1], atol=1e-15)
+
+
+def test_a_link_without_mass_leaves_the_mass_matrix_of_the_others():
+    """Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor."""
+    none = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
+    robot = loaded(ARM[: ARM.index("<mass>")] + none + ARM[ARM.index("</inertial>") :])
+    assert robot.accepted == ("accepted without mass: upper",)
+    M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
+    beside = 0.2 + 2 * 0.3 * 1.1
+    expected = [[0.2 + 2 * 1.1**2 + 10**2 * 0.01, beside], [beside, 0.2 + 2 * 0.3**2]]
+    np.testing.assert_allclose(M, expected)
+    plant = deviated(robot, Deviation(inertia_scale=1.5)).plant
+    assert plant.CalcTotalMass(plant.CreateDefaultContext()) == 1.5 * 2
+    elbow = r"joint 'elbow': inertia about its axis 0 kg m².* 'shoulder' is 2\.5 kg"
+    lower = ARM[ARM.rindex("<mass>") : ARM.rindex("</inertial>")]
+    refused(ARM, lower, none, elbow)
