@@ -85,6 +85,49 @@ def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return size * (1 - np.cos(angle)), size * w * np.sin(angle)
 
 
+@settings(ANY_FILE, max_examples=8)
+@given(
+    gaps=st.lists(st.floats(0.001, 0.013), min_size=1, max_size=9),
+    start=st.floats(-9, 9),
+    names=st.sampled_from([("v_ref",), ("q_ref",), ("q_ref", "v_ref")]),
+)
+def test_any_samples_become_the_interpolation_period(tmp_path, gaps, start, names):
+    time = np.concatenate([[0], np.cumsum(np.resize(gaps, 4000))])
+    time = np.append(time[time < 3.999], 4.0)
+    columns = dict(zip(("q_ref", "v_ref"), swing(time), strict=True))
+    write_table(tmp_path / "in.csv", time + start, {name: columns[name] for name in names})
+    motion, loss = import_motion(tmp_path / "in.csv", PERIOD)
+    assert motion.period == PERIOD and motion.duration == pytest.approx(4.0)
+    np.testing.assert_allclose([motion.q, motion.v], swing(motion.time), atol=2e-3)
+    if "v_ref" in names:  # the loss is that at the samples of the file
+        back = [np.interp(time, motion.time, v) for v in motion.v.T]
+        off = np.abs(np.stack(back, axis=1) - columns["v_ref"])
+        np.testing.assert_allclose(loss.speed, off.max(axis=0), atol=1e-9)
+    assert np.all(loss.position < 1e-3)
+
+
+TIME = 0.001 * np.arange(2001)
+FAST = np.sin(2 * np.pi * np.outer(TIME, [1, 24]))  # rad/s; chords of 5 ms leave out 7 % at most
+_OFF = np.abs(np.interp(TIME, TIME[::5], FAST[::5, 1]) - FAST[:, 1]).max()
+LOST = rf"at 0\.005 s joint 2 loses {_OFF:.3g} rad/s of speed at .*, allowed are 0\.021 rad/s"
+
+
+@pytest.mark.parametrize(
+    "time, columns, message",
+    [
+        (TIME, {"v_ref": FAST}, LOST),
+        ([0, 0.1], {"v": np.zeros((2, 1))}, "neither v_ref_1 nor q_ref_1, expected time and"),
+        ([0, 1], {"v_ref": FAST[:2, :1], "q_ref": FAST[:2]}, r"2 column\(s\) q_ref_k and 1 v_ref_k"),
+        ([0, 1e9], {"v_ref": FAST[:2]}, "1000000th"),
+    ],
+    ids=["loss", "columns", "joints", "periods"],
+)
+def test_samples_that_cannot_be_resampled_are_refused(tmp_path, time, columns, message):
+    write_table(tmp_path / "in.csv", np.array(time, dtype=float), columns)
+    with pytest.raises(InputError, match=rf"in\.csv: .*{message}"):
+        import_motion(tmp_path / "in.csv", PERIOD)
+
+
 def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
     time = 0.001 * np.arange(20003)
     q = np.stack([np.sin(time) ** 2, np.cos(3 * time)], axis=1)

@@ -235,6 +235,20 @@ def test_viscous_friction_slows_down_only_where_it_takes_the_torque():
     assert plan.motion.duration == pytest.approx(expected, rel=0.015)
 
 
+def test_retiming_spins_a_joint_up_with_all_its_torque_and_ends_at_speed(robot):
+    """v = a (t - 1) up to 1.6 rad/s; what is left of the path of 6.4 rad at that speed."""
+    duration = 1 + 1.6 / A_1 + (6.4 - 1.6**2 / (2 * A_1)) / 1.6
+    motion = retime(robot, spin_up([6, 1.6])).motion
+    # A period of rest at the start, another to make the duration whole, a third for the grid.
+    assert duration <= motion.duration <= duration + 3 * PERIOD
+    start = 1 + motion.duration - duration
+    expected = np.clip(A_1 * (motion.time - start), 0, 1.6)
+    np.testing.assert_allclose(motion.v[:, 0], expected, atol=A_1 * 2 * PERIOD)
+    assert motion.v[-1, 0] == pytest.approx(1.6, abs=1e-6)
+    # At the end of the path it is where the command would be a little later, at its speed.
+    assert 6.4 - 1e-6 <= motion.q[-1, 0] <= 6.4 + 1.6 * (motion.duration - duration)
+
+
 # --- refused motions -------------------------------------------------------------------------
 
 
@@ -254,6 +268,29 @@ def test_a_motion_that_overpowers_joint_2_is_refused_with_its_torque(robot):
     needs = rf"{i * PERIOD:.3f} s .*torque {torque[i]:.6g} N m, .* ±3160 N m; .* 0\.031 rad/s"
     with pytest.raises(InputError, match=rf"joint 2 'roll' at {needs}"):
         plan_motion(weak, command)
+
+
+@pytest.mark.parametrize("planner", [plan_motion, retime])
+def test_a_motor_that_cannot_hold_its_link_is_refused(planner):
+    arm = loaded(ARM.replace("<effort>40", "<effort>3"))
+    needed = -2 * 9.81 * 0.3  # N m: 2 kg at 0.3 m
+    with pytest.raises(InputError, match=rf"joint 2 'elbow'.* 0\.000 s.* {needed:g} N m.*±3 N m"):
+        planner(arm, alone(knots([0, 0], [1, 0]), joints=2))
+
+
+@pytest.mark.parametrize("when, speeds", [("start", (1.0, -1.0)), ("end", (0.0, 1.0))])
+def test_an_end_in_motion_beyond_the_torque_is_refused_with_its_torque(robot, when, speeds):
+    needed = (speeds[1] - speeds[0]) * INERTIA_1  # N m, in 1 s
+    told = rf"{when}, in motion, joint 1 'planetary' needs torque {needed:.6g} N m, available ±682.752 "
+    with pytest.raises(InputError, match=rf"'alone' refused: .*{told}"):
+        retime(robot, alone(knots([0, speeds[0]], [1, speeds[1]])), torque_margin=0.05)
+
+
+# 45000 rad at the speed limit; nothing but inertia: times go with the root of the torque.
+@pytest.mark.parametrize("speed, margin", [(9000, 1), (0.05, 1e-6), (1, 1e-300)])
+def test_a_hundred_times_the_duration_is_refused(robot, speed, margin):
+    with pytest.raises(InputError, match="'alone' refused: .* most 100 times as long"):
+        retime(robot, alone(knots([0, 0], [5, speed], [10, 0])), torque_margin=margin)
 
 
 @pytest.mark.parametrize(
