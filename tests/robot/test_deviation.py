@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from robots import ARM, loaded
+from helpers.robots import ARM, loaded
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation, deviated

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
-from robots import ARM, URDF, loaded, refused
+from helpers.robots import ARM, URDF, loaded, refused
 
 from sdt_drake.robot.deviation import Deviation, deviated
 

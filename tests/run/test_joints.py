@@ -9,10 +9,11 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction, Springs
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator, simulate
 from sdt_drake.systems import elastic_joints, robot_plant
 from sdt_drake.systems.elastic_joints import set_motor_state
-from sdt_drake.systems.wiring import set_state
+from sdt_drake.systems.wiring import set_state, systems_in
 
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
 
@@ -53,6 +54,32 @@ def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
     swings = np.ptp(np.array(seen), axis=0)
     assert np.all(swings > 5), swings  # every part takes part
     assert np.ptp(np.sum(seen, axis=1)) < 1e-4 * swings.min()
+
+
+def test_links_on_their_springs_swing_at_the_given_frequency(designed):
+    """Motors held, each link alone, where its inertia is largest: the force by its angle."""
+    omega, zeta, h = 70.0, 0.03, 1e-4
+    design = designed("coupled_pi", {"plant.elasticity": Elasticity([omega] * 4, zeta)})
+    diagram = make_loop(design).diagram
+    root, inside = diagram.CreateDefaultContext(), {s.get_name(): s for s in systems_in(diagram)}
+    plant, joints = inside["multibody_plant"], inside["elastic_joints"]
+    own, springs = plant.GetMyMutableContextFromRoot(root), design.springs
+    for k, one in enumerate(np.eye(4)):
+        q = design.reference.tracked.q[design.torques.d_kk[:, k].argmax()]
+        motors = joints.GetMyMutableContextFromRoot(root)
+        set_motor_state(joints, motors, q, np.zeros(4), springs=springs)
+
+        def force(shift, v=0.0, q=q, one=one):
+            plant.SetPositionsAndVelocities(own, [*(q + shift * one), *(v * one)])
+            vd = plant.EvalTimeDerivatives(own).CopyToVector()[4:]
+            return one @ plant.CalcMassMatrix(own) @ vd
+
+        stiffness = (force(-h) - force(h)) / (2 * h)
+        damping = (force(0, -h) - force(0, h)) / (2 * h)
+        plant.SetPositions(own, q)
+        inertia = plant.CalcMassMatrix(own)[k, k]
+        assert np.sqrt(stiffness / inertia) == pytest.approx(omega, rel=1e-3)
+        assert damping / (2 * omega * inertia) == pytest.approx(zeta, rel=1e-3)
 
 
 # --- a run starts in equilibrium -------------------------------------------------------------

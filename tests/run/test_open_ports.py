@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from helpers.variants import kind
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import PassThrough
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
+from sdt_drake.run.controllers import make_controller
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
 
@@ -86,3 +89,73 @@ def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, spee
     np.testing.assert_allclose(run.v, motion.v, atol=2e-5)
     np.testing.assert_array_equal(run.q_ref, motion.q)  # not that of the design
     assert np.abs(run.tau[0, 1]) > 30  # joint 2 carries a load
+
+
+def test_errors_are_against_what_came_from_outside(designed):
+    """A motion of half the speed, which the design does not know."""
+    design = designed("coupled_pi", kind("p_pi+id") | ONLINE, start=2.0, end=2.3)
+    motion = design.reference.planned
+    q = motion.q[:1] + 0.5 * (motion.q - motion.q[:1])
+    other = Motion(motion.period, q, 0.5 * motion.v, 0.5 * motion.vd)
+    run = simulate(*fed(design, other), v=other.v[0])
+    np.testing.assert_array_equal(run.v_ref, other.v)
+    np.testing.assert_allclose(run.position_error, run.q - other.q, atol=1e-12)
+    assert np.abs(run.position_error[-1]).max() < 0.1 * np.abs(run.q - motion.q)[-1].max()
+
+
+def test_a_controller_outside_is_the_one_inside(designed):
+    design = designed("coupled_pi", kind("pi") | DEVICE | {"drive": Drive()}, end=0.3)
+    builder, loop = DiagramBuilder(), make_loop(design, controller="external")
+    controller = builder.AddSystem(make_controller(design)[1])
+    builder.AddSystem(loop.diagram)
+    for name in ("reference", "measured"):
+        builder.Connect(loop.diagram.GetOutputPort(name), controller.GetInputPort(name))
+    builder.Connect(controller.get_output_port(), loop.GetInputPort("tau_cmd"))
+    outside, inside = simulate(loop, builder.Build()), simulate(design)
+    # Its integrals, which the start of the loop does not know, start at 0: so does the motion.
+    assert np.abs(inside.tau_cmd[0]).max() < 1e-9
+    np.testing.assert_allclose(outside.v, inside.v, atol=1e-9)
+    np.testing.assert_allclose(outside.tau_rms[1:], inside.tau_rms[1:], rtol=1e-6, atol=1e-6)
+
+
+TABLES = [
+    (kind("p_pi+id"), "feedforward_table is computed along the planned motion"),
+    (kind("pi_scheduled") | ONLINE, "inertia_table is computed along the planned motion"),
+    (ONLINE | {"plant.kind": "axis"}, "the load of the axis plant is computed along the planned"),
+]
+
+
+@pytest.mark.parametrize("fields, message", TABLES, ids=[case[-1] for case in TABLES])
+def test_what_is_known_along_a_planned_motion_alone_has_no_open_reference(
+    designed, fields, message
+):
+    with pytest.raises(InputError, match=f"^reference: 'external', but {message}"):
+        make_loop(designed("coupled_pi", fields, end=0.1), reference="external")
+
+
+CALLS = [
+    (lambda design: make_loop(design, reference="outside"), "reference: 'outside', expected one o"),
+    (lambda design: make_loop(design, controller="pi"), "controller: a str, expected a System"),
+    (lambda design: simulate(make_loop(design, reference="external")), "reference: external, but"),
+    (lambda design: simulate(make_loop(design, controller="external")), "tau_cmd: external, but n"),
+    (lambda design: simulate(design, DiagramBuilder()), "diagram: a DiagramBuilder, expected"),
+    (lambda design: simulate(design, PassThrough(1)), "diagram: a PassThrough, expected a Diagram"),
+    (lambda design: simulate(design, around_nothing()), "diagram: .*, expected a diagram that con"),
+    (lambda design: simulate(*fed(design, NOWHERE)), "reference: .*nan.* expected finite numbers"),
+    (lambda design: simulate(design, q=np.zeros(3)), r"q: of shape \(3,\), expected \(4,\)"),
+    (lambda design: simulate(design, v=[0, np.nan, 0, 0]), r"v\[1\]: nan, expected finite numbers"),
+]
+NOWHERE = Motion(0.005, *np.full((3, 21, 4), np.nan))
+
+
+def around_nothing():
+    builder = DiagramBuilder()
+    builder.AddSystem(PassThrough(1))
+    return builder.Build()
+
+
+@pytest.mark.parametrize("call, message", CALLS, ids=[case[-1] for case in CALLS])
+def test_a_wrong_call_is_one_line(designed, call, message):
+    with pytest.raises(InputError, match=f"^{message}") as error:
+        call(designed("coupled_pi", ONLINE, end=0.1))
+    assert "\n" not in str(error.value)

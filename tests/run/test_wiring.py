@@ -128,3 +128,11 @@ def test_table_and_online_torques_are_the_same(designed, name, fields):
     for signal in ("v", "tau", "tau_cmd", "load_torque"):
         own, wanted = getattr(online, signal), getattr(table, signal)
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-8, err_msg=signal)
+
+
+def test_a_run_that_is_drawn_in_meshcat_is_the_same(designed, meshcat):
+    design = designed("coupled_pi", start=2.0, end=2.2)
+    drawn, plain = simulate(make_loop(design, meshcat=meshcat)), simulate(design)
+    np.testing.assert_array_equal(drawn.v, plain.v)
+    assert meshcat.HasPath("/robot/sdt/payload")
+    assert meshcat._GetPackedTransform("/robot/sdt/payload")  # where the run has left it
