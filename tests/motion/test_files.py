@@ -117,7 +117,11 @@ LOST = rf"at 0\.005 s joint 2 loses {_OFF:.3g} rad/s of speed at .*, allowed are
     [
         (TIME, {"v_ref": FAST}, LOST),
         ([0, 0.1], {"v": np.zeros((2, 1))}, "neither v_ref_1 nor q_ref_1, expected time and"),
-        ([0, 1], {"v_ref": FAST[:2, :1], "q_ref": FAST[:2]}, r"2 column\(s\) q_ref_k and 1 v_ref_k"),
+        (
+            [0, 1],
+            {"v_ref": FAST[:2, :1], "q_ref": FAST[:2]},
+            r"2 column\(s\) q_ref_k and 1 v",
+        ),
         ([0, 1e9], {"v_ref": FAST[:2]}, "1000000th"),
     ],
     ids=["loss", "columns", "joints", "periods"],

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from pydrake.math import RollPitchYaw
 from helpers.robots import ARM, URDF, loaded, refused
+from pydrake.math import RollPitchYaw
 
 from sdt_drake.robot.deviation import Deviation, deviated
 
@@ -48,7 +48,8 @@ def test_numbers_without_a_meaning_are_left_out_and_told():
         "mu_viscous of <dynamics> have no meaning in URDF and were ignored",
         "joint 'elbow': lower of <limit> and upper of <limit> have no meaning in URDF and were "
         "ignored",
-        "transmission 'drive': <offset> 1.57 is ignored: the zero position of a motor has no effect",
+        "transmission 'drive': <offset> 1.57 is ignored: the zero position of a motor has no "
+        "effect",
     )
     assert np.isinf(robot.position_upper[1]) and robot.position_upper[0] == 1
     np.testing.assert_array_equal(robot.damping, [0.7, 0])

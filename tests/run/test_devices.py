@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from oracles.by_hand import LIMIT
 from helpers.variants import kind, overruled
+from oracles.by_hand import LIMIT
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive
