@@ -22,35 +22,3 @@ from sdt_drake.motion.profile import (
 )
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
-
-__all__ = [
-    "FELT_QUANTITIES",
-    "INTERPOLATION_PERIOD",
-    "PLANNERS",
-    "Command",
-    "IntendedIllusion",
-    "LearnedReference",
-    "Margins",
-    "Motion",
-    "MotionProfile",
-    "Plan",
-    "Planner",
-    "SpeedProfile",
-    "Story",
-    "TimedSegment",
-    "checked_torque",
-    "command_of",
-    "commanded_motion",
-    "ends_in_motion",
-    "import_motion",
-    "load_command",
-    "load_commanded",
-    "load_learned",
-    "load_plan",
-    "load_profile",
-    "margins",
-    "plan_motion",
-    "retime",
-    "shipped_motions",
-    "story_of",
-]  # fmt: skip

@@ -52,29 +52,3 @@ from sdt_drake.systems.robot_plant import robot_plant
 from sdt_drake.systems.saturation import dynamic_saturation
 from sdt_drake.systems.symbolic import symbolic_law
 from sdt_drake.systems.torque_loop import torque_loop
-
-__all__ = [
-    "LoadTorque",
-    "ReferenceTorque",
-    "add_meter",
-    "arrival",
-    "axis_process",
-    "disturbance",
-    "dynamic_saturation",
-    "elastic_joints",
-    "encoder",
-    "gain_schedule",
-    "hold_of",
-    "inverse_dynamics_controller",
-    "joint_friction",
-    "mean_torque",
-    "pi_speed_controller",
-    "position_loop",
-    "reference_source",
-    "robot_drawing",
-    "robot_plant",
-    "sample_source",
-    "signal_table",
-    "symbolic_law",
-    "torque_loop",
-]  # fmt: skip

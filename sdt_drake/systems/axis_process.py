@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import LinearSystem, Multiplexer
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import LinearSystem
 
 from sdt_drake.io.arguments import positives
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import block_of
 
 
 def axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
@@ -27,7 +27,6 @@ def axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
         input_ports: [tau, load_torque]
         output_ports: [state]
     """
-    builder = DiagramBuilder()
     i_eff = positives(i_eff, "i_eff")
     n = len(i_eff)
     zero, one = np.zeros((n, n)), np.eye(n)
@@ -38,10 +37,4 @@ def axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
         C=np.eye(2 * n),
         D=np.zeros((2 * n, 2 * n)),
     )
-    torques = builder.AddNamedSystem("inputs", Multiplexer([n, n]))
-    builder.AddNamedSystem("motors", motors)
-    builder.ExportInput(torques.get_input_port(0), "tau")
-    builder.ExportInput(torques.get_input_port(1), "load_torque")
-    builder.Connect(torques.get_output_port(), motors.get_input_port())
-    builder.ExportOutput(motors.get_output_port(), "state")
-    return build(builder, "axis_process")
+    return block_of("axis_process", motors, {"tau": n, "load_torque": n}, "state", "motors")

@@ -10,7 +10,7 @@ from sdt_drake.io.arguments import finite_number, positive, positives, whole_num
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
-from sdt_drake.systems.wiring import build, set_state
+from sdt_drake.systems.wiring import block_of, build, set_state
 
 
 def encoder(
@@ -44,16 +44,14 @@ def encoder(
         input_ports: [state]
         output_ports: [measured]
     """
-    builder = DiagramBuilder()
-    add, connect = builder.AddNamedSystem, builder.Connect
     whole_number(n, "n")
     positive(period, "period")
     finite_number(offset, "offset", minimum=0)
     if resolution is None:
-        now = add("now", ZeroOrderHold(period, 2 * n, offset))
-        builder.ExportInput(now.get_input_port(), "state")
-        builder.ExportOutput(now.get_output_port(), "measured")
-        return build(builder, "encoder")
+        hold = ZeroOrderHold(period, 2 * n, offset)
+        return block_of("encoder", hold, {"state": 2 * n}, "measured", "now")
+    builder = DiagramBuilder()
+    add, connect = builder.AddNamedSystem, builder.Connect
     increment = _increment(resolution, gear_ratio, n)
 
     def count(state: Symbols) -> list[sym.Expression]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import MatrixGain
 
 from sdt_drake.io.arguments import positives
@@ -15,7 +15,7 @@ from sdt_drake.robot.device import (
     speed_friction,
 )
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
-from sdt_drake.systems.wiring import build, set_state
+from sdt_drake.systems.wiring import block_of, set_state
 
 _UNIT = 100.0  # z / z_c per unit of the state; z / z_c is in the hundreds when sliding
 
@@ -54,12 +54,8 @@ def joint_friction(*, friction: FrictionParameters, gear_ratio: ArrayLike) -> Di
     r = positives(gear_ratio, "gear_ratio", n)
     z_c = friction.presliding
     if not np.any([friction.coulomb, friction.breakaway, friction.offset]):
-        builder = DiagramBuilder()
-        gain = np.hstack([np.zeros((n, n)), np.diag(friction.viscous / r)])
-        viscous = builder.AddNamedSystem("viscous", MatrixGain(gain))
-        builder.ExportInput(viscous.get_input_port(), "state")
-        builder.ExportOutput(viscous.get_output_port(), "friction")
-        return build(builder, "joint_friction")
+        gain = MatrixGain(np.hstack([np.zeros((n, n)), np.diag(friction.viscous / r)]))
+        return block_of("joint_friction", gain, {"state": 2 * n}, "friction", "viscous")
 
     def within(stretch: sym.Expression) -> sym.Expression:
         return sym.min(sym.max(stretch, sym.Expression(-1)), sym.Expression(1))

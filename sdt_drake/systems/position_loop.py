@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import MatrixGain, Multiplexer
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import MatrixGain
 
 from sdt_drake.io.arguments import positives
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import block_of
 
 
 def position_loop(*, position_gain: ArrayLike) -> Diagram:
@@ -31,11 +31,5 @@ def position_loop(*, position_gain: ArrayLike) -> Diagram:
     law = np.eye(3 * n, 5 * n)
     law[n : 2 * n, :n] = np.diag(position_gain)
     law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
-    builder = DiagramBuilder()
-    inputs = builder.AddNamedSystem("inputs", Multiplexer([3 * n, 2 * n]))
-    gain = builder.AddNamedSystem("law", MatrixGain(law))
-    builder.ExportInput(inputs.get_input_port(0), "reference")
-    builder.ExportInput(inputs.get_input_port(1), "sampled_state")
-    builder.Connect(inputs.get_output_port(), gain.get_input_port())
-    builder.ExportOutput(gain.get_output_port(), "speed_reference")
-    return build(builder, "position_loop")
+    inputs = {"reference": 3 * n, "sampled_state": 2 * n}
+    return block_of("position_loop", MatrixGain(law), inputs, "speed_reference")

@@ -12,7 +12,7 @@ from pydrake.trajectories import BsplineTrajectory
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import block_of, build
 
 
 def reference_source(*, motion: Motion, delay: float = 0.0) -> Diagram:
@@ -31,10 +31,8 @@ def reference_source(*, motion: Motion, delay: float = 0.0) -> Diagram:
         output_ports: [reference]
     """
     samples = np.hstack([motion.q, motion.v, motion.vd])
-    builder = DiagramBuilder()
-    source = builder.AddNamedSystem("samples", sample_source(motion.time + delay, samples))
-    builder.ExportOutput(source.get_output_port(), "reference")
-    return build(builder, "reference_source")
+    source = sample_source(motion.time + delay, samples)
+    return block_of("reference_source", source, {}, "reference", "samples")
 
 
 def signal_table(*, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> Diagram:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Saturation
 
 from sdt_drake.io.arguments import positives
@@ -11,7 +11,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.envelope import widened as widened_by
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import block_of
 
 
 def dynamic_saturation(
@@ -57,11 +57,7 @@ def dynamic_saturation(
     inputs |= {"alleviating_torque": n} if widened else {}
     inputs |= {"motor_state": 2 * n} if envelope.limits else {}
     if len(inputs) == 1:  # Drake's own block is faster than a symbolic law
-        builder = DiagramBuilder()
-        constant = builder.AddNamedSystem("law", Saturation(-limit, limit))
-        builder.ExportInput(constant.get_input_port(), "tau_cmd")
-        builder.ExportOutput(constant.get_output_port(), "tau_limited")
-        return build(builder, "dynamic_saturation")
+        return block_of("dynamic_saturation", Saturation(-limit, limit), inputs, "tau_limited")
 
     # By symbols: Drake's Saturation with ports for its limits is not bound in Python.
     def law(*arguments: Symbols) -> list[sym.Expression]:

@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.symbolic import Expression, Variable
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import Multiplexer, SymbolicVectorSystem
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import SymbolicVectorSystem
 
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import block_of
 
 Symbols = NDArray[np.object_]
 Law = Callable[..., Sequence[Expression] | Symbols]
@@ -42,7 +42,6 @@ def symbolic_law(
         timed: True if `law` or `rates` use the time, the symbol `TIME`.
         name: name of the diagram.
     """
-    builder = DiagramBuilder()
     signals = [np.array([Variable(f"{i}_{k}") for k in range(n)]) for i, n in inputs.items()]
     # At least one state: without it Drake 1.51 aborts in a continuous diagram.
     x = np.array([Variable(f"x_{k}") for k in range(max(states, 1))])
@@ -55,13 +54,4 @@ def symbolic_law(
             input=np.concatenate(signals),
             output=np.array(law(*arguments)),
         )
-    first: System = system
-    if len(inputs) > 1:
-        first = builder.AddNamedSystem("inputs", Multiplexer(list(inputs.values())))
-    builder.AddNamedSystem("law", system)
-    if first is not system:
-        builder.Connect(first.get_output_port(), system.get_input_port())
-    for index, port in enumerate(inputs):
-        builder.ExportInput(first.get_input_port(index), port)
-    builder.ExportOutput(system.get_output_port(), output)
-    return build(builder, name)
+    return block_of(name, system, inputs, output)

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     System,
     TriggerType,
 )
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink
 
 
 def build(builder: DiagramBuilder, name: str) -> Diagram:
@@ -25,6 +25,30 @@ def build(builder: DiagramBuilder, name: str) -> Diagram:
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram
+
+
+def block_of(
+    name: str, system: System, inputs: Mapping[str, int], output: str, inner: str = "law"
+) -> Diagram:
+    """Make a block of one system, whose input is all the inputs in a row.
+
+    Args:
+        name: name of the block.
+        system: the system.
+        inputs: lengths of the inputs by name.
+        output: name of the output.
+        inner: name of the system in the block.
+    """
+    builder, first = DiagramBuilder(), system
+    if len(inputs) > 1:
+        first = builder.AddNamedSystem("inputs", Multiplexer(list(inputs.values())))
+    builder.AddNamedSystem(inner, system)
+    if first is not system:
+        builder.Connect(first.get_output_port(), system.get_input_port())
+    for index, port in enumerate(inputs):
+        builder.ExportInput(first.get_input_port(index), port)
+    builder.ExportOutput(system.get_output_port(), output)
+    return build(builder, name)
 
 
 def set_state(system: System, context: Context, path: str, state: ArrayLike) -> None:

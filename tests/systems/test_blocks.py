@@ -24,7 +24,8 @@ from sdt_drake.systems.torque_loop import set_motor_torque
 from sdt_drake.systems.wiring import set_state
 
 BLOCKS = ["symbolic_law"]  # its ports are arguments, so it has no picture
-BLOCKS += [x for x in systems.__all__ + pilot.__all__ if ".. pydrake_system::" in block(x).__doc__]
+FACES = [name for face in (systems, pilot) for name, x in vars(face).items() if callable(x)]
+BLOCKS += [name for name in FACES if ".. pydrake_system::" in (block(name).__doc__ or "")]
 
 
 # --- ports -----------------------------------------------------------------------------------

@@ -95,12 +95,3 @@ def start_controller(
         choice.start(system, context, design, tau_cmd, start)
     else:
         start_own(system, context, tau_cmd, start)
-
-
-__all__ = [
-    "CONTROLLERS", "SHIPPED", "AntiWindup", "ChosenFeedforward", "Controller",
-    "ControllerOptions", "Feedback", "FeedforwardGain", "InverseDynamics", "Own", "PPi", "Pi",
-    "PiCtc", "PiId", "PiLoops", "PiScheduled", "PositionGain", "feedback_of", "in_errors",
-    "load_controllers", "make_controller", "option_names", "own_code", "register_controller",
-    "start_controller",
-]  # fmt: skip
