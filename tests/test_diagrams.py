@@ -9,13 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.figures import check_same, content_of
+from helpers.figures import check_same, check_same_numbers, content_of
 
 import sdt_drake
+from sdt_drake.analysis.tracking import HeadTracking
+from sdt_drake.motion import load_plan, story_of
 from sdt_drake.paper.diagrams import DIAGRAMS
+from sdt_drake.pilot.head import head_motion_of_samples
+from sdt_drake.pilot.thresholds import felt_difference
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.block_diagrams import fingerprint, page_of
 from sdt_drake.show.diagrams import dot_text
+from sdt_drake.show.figures import pilot as plots_pilot
 from sdt_drake.studies.folder import load_runner
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.store import Store
@@ -27,6 +32,7 @@ SCRIPT = FOLDER / "redraw.py"
 REDRAW = runpy.run_path(str(SCRIPT))
 NAMES, SCRIPTS = REDRAW["NAMES"], REDRAW["SCRIPTS"]
 FIGURES = REDRAW["figures"](ROWS)
+PERIOD = 0.005  # s
 TRIED = (
     *("figure3", "coupled_loop", "controllers", "stability", "monte_carlo", "sizing"),
     "training_post_roll",
@@ -87,6 +93,22 @@ def test_committed_rows_are_those_of_today(name):
     assert ran.split(".")[:2] == sdt_drake.__version__.split(".")[:2]
     for (outcome, values), found in zip(table.outcomes.items(), outcomes, strict=True):
         np.testing.assert_allclose(found, values[0], rtol=1e-3, atol=1e-5, err_msg=outcome)
+
+
+@pytest.mark.parametrize("name", ["leans", "inversion"])
+def test_committed_figures_show_the_motions_of_today(robot, name):
+    """All but the small errors of the run, for which it would have to be simulated."""
+    motion = load_plan(name, robot, period=PERIOD).motion
+    head = head_motion_of_samples(robot, PERIOD, motion.q, motion.v)
+    felt = felt_difference(head, head, PERIOD)
+    story = story_of(name, robot, motion)
+    figure = plots_pilot.pilot(name, motion.time, HeadTracking(head, head, felt, felt), story)
+    *panels, error, band = figure.axes
+    count = sum(len(ax.lines) for ax in panels)
+    committed = content_of(FOLDER / f"training_{name}_plot.png")
+    check_same_numbers(REDRAW["drawn_numbers"](figure)[:count], committed["numbers"][:count], name)
+    own = [text for text in REDRAW["texts"](figure) if text != error.get_title(loc="right")]
+    assert set(own) <= set(committed["texts"]) and len(band.texts) == len(story.segments)
 
 
 # --- the script ------------------------------------------------------------------------------

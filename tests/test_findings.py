@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.documents import FINDINGS, rows_of_table
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.stability import stability_sweep
@@ -34,18 +35,11 @@ from sdt_drake.systems import gains
 pytestmark = pytest.mark.documents
 
 DIAGRAMS = Path(__file__).parents[1] / "diagrams"
-FINDINGS = (DIAGRAMS / "README.md").read_text(encoding="utf-8")
 STUDIES = DIAGRAMS / "studies"
 SIZING, _ = load_sizing("sizing")
 SMALLER = "AC-150, TM-2860, TM-1430, TM-716 at structure scale 0.8"
 FAMILIES = "max_abs_speed_error", "max_abs_position_error", "saturated_fraction"
 COARSE = 1e-3  # ten times as coarse as usual: the digits that are told are the same
-
-
-def rows_of_table(header: str) -> list[list[str]]:
-    """Cells of the table whose header starts so, without the header."""
-    lines = FINDINGS[FINDINGS.index(f"\n| {header}") :].split("\n\n")[0].strip().splitlines()
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
 def runs_of(runs: dict[str, Compared], rows: list[list[str]]) -> list[Compared]:

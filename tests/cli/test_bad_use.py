@@ -7,44 +7,16 @@ The command lines are those of bad_use.yaml. Messages are compared with the file
 import shlex
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
-from helpers.command_line import ARM, AXIS, RUN, SDF, SHORT_MOTION, is_one_line
+from helpers.command_line import is_one_line
+from helpers.every_command import EVERY, POSITIONAL
 from pydrake.systems.analysis import Simulator
 
-from sdt_drake.cli import COMMANDS, SUBCOMMANDS
 from sdt_drake.cli.app import commands
 from sdt_drake.io.resources import models_dir
-from sdt_drake.io.tables import write_table
 
-TIME = np.arange(251) * 0.005
-ANGLES = np.outer(TIME, [0.2, 0.4, -0.1, 0.3])
 TABLE = yaml.safe_load(Path(__file__).with_name("bad_use.yaml").read_text(encoding="utf-8"))
-ROBOTS = {
-    "negative.sdf": SDF.replace("<mass>300</mass>", "<mass>-300</mass>", 1),
-    "headless.sdf": SDF.replace('<frame name="head"', '<frame name="face"'),
-    "weak.sdf": ARM.replace("<effort>100", "<effort>40"),
-}
-
-
-@pytest.fixture
-def crowded(desk):
-    """A working directory with files to read and files that are in the way."""
-    for name, text in (TABLE["files"] | ROBOTS).items():
-        (desk.parent / "given" / name).write_text(text, encoding="utf-8")
-    for folder in ("folder.png", "used"):
-        (desk / folder).mkdir()
-    for name in ("file", "file.csv", "used/notes.txt", "cam.csv"):
-        (desk / name).write_text("mine")
-    (desk / "other.html").write_text("<p>mine</p>")
-    moved = np.sin(np.pi * TIME / TIME[-1])[:, None] ** 2 * [0.01, 0.02, 0.02, 0.05]
-    write_table(desk / "moved.csv", TIME, {"v_ref": moved})
-    write_table(desk / "all.csv", TIME, {"q": ANGLES, "q_ref": ANGLES, "tau": ANGLES})
-    write_table(desk / "speeds.csv", TIME, {"v": ANGLES})
-    write_table(desk / "three.csv", TIME, {"q": ANGLES[:, :3], "q_ref": ANGLES[:, :3]})
-    write_table(desk / "long.csv", np.array([0, 1800.5, 3601]), {"q": ANGLES[:3]})
-    return desk
 
 
 @pytest.mark.parametrize(
@@ -92,23 +64,6 @@ def times(folder):
     return {path: path.is_file() and path.stat().st_mtime_ns for path in folder.rglob("*")}
 
 
-POSITIONAL = {
-    "plan": SHORT_MOTION, "export": f"{SHORT_MOTION} --drive drives", "export fmu": RUN,
-    "tune": SHORT_MOTION, "pilot": RUN, "pilot people": "post_roll", "excite": "sdt",
-    "identify": "sdt all.csv", "judge": "sdt all.csv", "replay": f"all.csv {RUN}", "view": RUN,
-    "study run": "monte_carlo", "study show": "mc", "study repeat": "mc --row 0", "init": "new",
-    "size": "sizing", "learn": RUN, "learn update": f"s all.csv --scenario {RUN}",
-    "fly": "sdt turn --out flown",
-    **dict.fromkeys(("simulate", "compare", "bode", "diagram"), RUN),
-    **dict.fromkeys(("budget", "stability"), AXIS),
-}  # fmt: skip
-"""What each command is about."""
-EVERY = [
-    name
-    for command in COMMANDS
-    for name in (command, *(f"{command} {sub}" for sub in SUBCOMMANDS.get(command, ())))
-    if name != "study"  # has subcommands alone
-]
 NONSENSE = "non\nsense"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import command_line
 from helpers.command_line import AXIS, RUN, SHORT_MOTION, snapshot
-from test_bad_use import EVERY, POSITIONAL, crowded  # noqa: F401
+from helpers.every_command import EVERY, POSITIONAL
 
 from sdt_drake.cli.app import commands
 from sdt_drake.robot.robot import Robot
@@ -59,7 +59,7 @@ class ReachedError(Exception):
 
 
 @pytest.fixture
-def result(crowded, call, monkeypatch):  # noqa: F811
+def result(crowded, call, monkeypatch):
     """Run a command: its exit code, and what it computes, prints and writes."""
     calls = []
     monkeypatch.setenv("MPLBACKEND", "agg")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_commands import TABLE
+import yaml
 
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.errors import InputError
@@ -18,6 +18,9 @@ from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.illusions import feel
 from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import REPORT
+
+COMMANDS = Path(__file__).with_name("commands.yaml")
+TINY = yaml.safe_load(COMMANDS.read_text(encoding="utf-8"))["files"]["tiny.yaml"]
 
 
 @pytest.fixture
@@ -72,7 +75,7 @@ def test_what_is_broken_is_named_and_the_old_report_stays(folder, name, old, new
 
 
 def test_studies_in_the_folder_become_chapters(folder, given, good, undrawn):
-    good("study", "run", given("tiny.yaml", TABLE["files"]["tiny.yaml"]), "--out", folder / "own")
+    good("study", "run", given("tiny.yaml", TINY), "--out", folder / "own")
     assert good("report", folder).out == f"{folder / REPORT} written\n"
     page = (folder / REPORT).read_text(encoding="utf-8")
     chapter = re.search("<h2>Study tiny</h2>.*?</section>", page, re.DOTALL)

@@ -1,4 +1,4 @@
-"""Commands and robots for the tests of the planners."""
+"""Commands and robots for the tests of the planners, and a motion in closed form."""
 
 import numpy as np
 
@@ -43,3 +43,13 @@ def sampled(whole: Command, period: float = PERIOD) -> Motion:
     """The motion that a command is, whatever the robot can do."""
     time = np.arange(round(whole.duration / period) + 1) * period
     return Motion.from_speeds(period, whole.q0, whole.speeds(time))
+
+
+TIME = np.arange(401) * 0.005  # 2 s
+
+
+def smooth(robot, time=TIME):
+    """Angles, speeds and accelerations of joints that all turn."""
+    a, w = np.linspace(0.3, 0.6, robot.n), np.linspace(1.0, 2.5, robot.n)
+    s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
+    return a * s, a * w * c, -a * w**2 * s

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_findings import rows_of_table
+from helpers.documents import rows_of_table
 
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion import IntendedIllusion, shipped_motions

@@ -2,18 +2,10 @@
 
 import numpy as np
 import pytest
+from helpers.motions import TIME, smooth
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from sdt_drake.show.view3d.scene import METRES_PER_G, Scene, arrow_pose, felt_rotation, make_frames
-
-TIME = np.arange(401) * 0.005  # 2 s
-
-
-def smooth(robot, time=TIME):
-    """Angles, speeds and accelerations of joints that all turn."""
-    a, w = np.linspace(0.3, 0.6, robot.n), np.linspace(1.0, 2.5, robot.n)
-    s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
-    return a * s, a * w * c, -a * w**2 * s
 
 
 def test_head_and_its_specific_force_are_drakes(robot):

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from test_scene import TIME, smooth
+from helpers.motions import TIME, smooth
 
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
 from sdt_drake.show.view3d.scene import ARROW, METRES_PER_G, Scene, make_frames

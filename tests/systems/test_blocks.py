@@ -47,7 +47,7 @@ def is_drawn(name, system, optional=()):
     assert isinstance(system, LeafSystem) or system.get_name() == name
 
 
-def test_every_block_has_a_law_here_or_in_test_sources_or_test_drawing():
+def test_every_block_has_a_law_here_or_in_test_sources_or_test_robot_drawing():
     others = {"reference_source", "signal_table", "robot_drawing"}
     assert {case.block for case in CASES} | others == set(BLOCKS)
 
