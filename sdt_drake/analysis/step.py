@@ -35,8 +35,8 @@ class StepMetrics:
 class StepResponse:
     """A simulated step of motor speed from 0 to 1 rad/s."""
 
-    structure: str
-    """Structure of the PI controller, "pi" or "p_in_feedback"."""
+    setpoint_weight: float
+    """Weight of the reference in the proportional part [-]: 1 for PI on the error, 0 for I-P."""
     zeta: float
     """Damping ratio [-]."""
     time: Array

@@ -11,6 +11,9 @@ _FLAGS = ("--judge", "--all", "--trust", "--show", "--resume", "--help", "-h")
 _MANY = {"identify": ("--validate",), "learn": ("--recording",)}
 """Options with one or more values by their command."""
 
+_WEIGHTS = {"pi": "1", "p_in_feedback": "0"}
+"""Set-point weights by the old names of the structures."""
+
 _Options = list[tuple[str, list[str]]]
 
 
@@ -43,6 +46,10 @@ def modern(words: Sequence[str]) -> tuple[list[str], str]:
         return _joined(new, [], [*scenario, *own[1]]), _line(
             "learn --recording --state", "learn update STATE RECORDING"
         )
+    if command == "step" and "--structure" in given:
+        weight = ("--setpoint-weight", [_WEIGHTS.get(x, x) for x in given["--structure"]])
+        new = _joined(["step"], positional, [weight, *own[1]])
+        return new, _line("step --structure", "step --setpoint-weight")
     if command == "study" and positional and positional[0] not in SUBCOMMANDS["study"]:
         return ["study", "run", *words[1:]], _line("study STUDY", "study run STUDY")
     return [*words], ""
@@ -53,6 +60,7 @@ _OWN = {
     "pilot": ("--validate",),
     "export": ("--fmu", "--fmu-input"),
     "learn": ("--recording", "--state"),
+    "step": ("--structure",),
 }
 """Options of old forms by their command."""
 

@@ -27,7 +27,7 @@ def run(
     at: Annotated[float | None, number(gte=0)] = None,
     duration: Annotated[float | None, number(gt=0)] = None,
     inertia: Annotated[float | None, number(gt=0)] = None,
-    structure: Literal["pi", "p_in_feedback"] | None = None,
+    setpoint_weight: Annotated[float | None, number(gte=0, lte=1)] = None,
     omega_r: OmegaR = None,
     zeta: float | None = None,
     out: Out = None,
@@ -47,8 +47,8 @@ def run(
         duration: time after the step [s] (default: 50 / omega_n of the slowest loop)
         inertia: without a scenario, effective inertia, motor side [kg m²] (default: published
             value of joint 1)
-        structure: without a scenario, structure of the controller: P and I on the error, or I-P
-            with P in the feedback (default: p_in_feedback)
+        setpoint_weight: without a scenario, weight of the reference in the proportional part: 1 is
+            PI on the error, 0 is I-P with P in the feedback (default: 0)
         omega_r: without a scenario, lowest natural frequency of the structure [rad/s] (default:
             65.991, published)
         zeta: without a scenario, damping ratio [-] (default: 1)
@@ -56,7 +56,8 @@ def run(
     """
     common.check_out(out, show, RESULT_TABLES)
     of_loop = {"input": input, "joint": joint, "size": size, "at": at, "duration": duration}
-    of_axis = {"inertia": inertia, "structure": structure, "omega_r": omega_r, "zeta": zeta}
+    of_axis = {"inertia": inertia, "omega_r": omega_r, "zeta": zeta}
+    of_axis["setpoint_weight"] = setpoint_weight
     if scenario is None:
         common.refuse("needs a SCENARIO, whose loop steps", **of_loop, changes=given.changes)
         _axis(**_given(of_axis), out=out, show=show)
@@ -91,7 +92,7 @@ def _loop(
 def _axis(
     *,
     inertia: float | None = None,
-    structure: str = "p_in_feedback",
+    setpoint_weight: float = 0.0,
     omega_r: float | None = None,
     zeta: float = 1.0,
     out: Path | None,
@@ -106,13 +107,14 @@ def _axis(
         inertia = table1("i_eff_max")[0]
     if omega_r is None:
         omega_r = OMEGA_R
-    step = step_response(structure, zeta, inertia, omega_r)
+    step = step_response(setpoint_weight, zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
     gains, metrics = tune([inertia], omega_r, [zeta]), asdict(step.metrics)
     kp, ki = gains.kp[0], gains.ki[0]
+    settling, overshoot = step.metrics.settling_time, step.metrics.overshoot_percent
     echo(
-        f"{step.structure}: the speed settles in {step.metrics.settling_time:.4g} s and overshoots "
-        f"by {step.metrics.overshoot_percent:.2g} %"
+        f"set-point weight {setpoint_weight:g}: the speed settles in {settling:.4g} s and "
+        f"overshoots by {overshoot:.2g} %"
     )
     echo(
         f"inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, zeta {zeta:g}{published}: "
@@ -126,6 +128,6 @@ def _axis(
     common.deliver(
         out,
         show,
-        lambda: sdt.plots.step_responses("Step response", {step.structure: step}),
-        Results({"structure": step.structure, **about, **metrics}, response).write,
+        lambda: sdt.plots.step_responses("Step response", {"step": step}),
+        Results({"setpoint_weight": setpoint_weight, **about, **metrics}, response).write,
     )

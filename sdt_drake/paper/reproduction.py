@@ -103,7 +103,7 @@ def reproduce(watch: Stopwatch) -> Reproduction:
     with watch.stage("step responses"):
         i_eff_1 = design.inertia.maximum[0]
         steps = {
-            structure: step_response(structure, zeta, i_eff_1, OMEGA_R)
+            structure: step_response(STRUCTURES[structure], zeta, i_eff_1, OMEGA_R)
             for structure, zeta in FIGURE4_ZETA.items()
         }
     # No Python runs inside these loops.
@@ -116,16 +116,19 @@ def reproduce(watch: Stopwatch) -> Reproduction:
     return Reproduction(design, steps, by_case, more, reported, watch.seconds)
 
 
-def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:
+def step_response(
+    setpoint_weight: float, zeta: float, i_eff: float, omega_r: float
+) -> StepResponse:
     """Simulate the step response of one axis until it has settled.
 
-        >>> response = step_response("pi", zeta=1.0, i_eff=4.26, omega_r=65.991)  # Figure 4
+        >>> response = step_response(1.0, zeta=1.0, i_eff=4.26, omega_r=65.991)  # Figure 4
         >>> metrics = response.metrics
         >>> print(f"{metrics.rise_time:.3f} s, {metrics.overshoot_percent:.2f} %")
         0.022 s, 13.53 %
 
     Args:
-        structure: "pi" or "p_in_feedback".
+        setpoint_weight: weight of the reference in the proportional part [-], from 0 (I-P) to 1
+            (PI on the error).
         zeta: damping ratio [-], 0.01 to 100.
         i_eff: inertia, motor side [kg m²].
         omega_r: lowest natural frequency of the structure [rad/s], at least 1e-6; omega_n is half
@@ -140,7 +143,7 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
-    loop = make_step_loop(gains=gains, i_eff=i_eff, setpoint_weight=STRUCTURES[structure])
+    loop = make_step_loop(gains=gains, i_eff=i_eff, setpoint_weight=setpoint_weight)
     simulator = make_simulator(loop, period=duration / 500, accuracy=_STEP_ACCURACY)
     simulator.Initialize()
     state, context = loop.GetOutputPort("state"), simulator.get_context()
@@ -151,7 +154,9 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
 
     t = duration * np.linspace(0, 1, _STEP_SAMPLES) ** 2
     speed = np.array([speed_at(time) for time in t])
-    return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))
+    return StepResponse(
+        setpoint_weight, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0)
+    )
 
 
 _TABLE1 = (

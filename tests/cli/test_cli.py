@@ -86,6 +86,7 @@ OLD = {
     "learn m.yaml --recording a.csv b.csv --state s --of torque":
         "learn update s a.csv b.csv --scenario m.yaml --of torque",
     "learn --state s --motion leans --recording a.csv": "learn update s a.csv --motion leans",
+    "step --structure p_in_feedback --zeta 0.95": "step --setpoint-weight 0 --zeta 0.95",
     "study mc.yaml --workers 2 --out mc": "study run mc.yaml --workers 2 --out mc",
 }  # fmt: skip
 """Command lines of 0.4, and what they are now."""

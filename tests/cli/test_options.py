@@ -26,7 +26,7 @@ VALUES = {
     "--margin": "0.5", "--noise": "0.02", "--of": "torque", "--omega-r": "30", "--once": "",
     "--only": "friction", "--period": "0.01", "--pilot": "", "--pilots": "7",
     "--port": "7100", "--print": "", "--rate": "2", "--resume": "",
-    "--row": "1", "--show": "", "--side": "motor", "--size": "0.01", "--structure": "pi",
+    "--row": "1", "--show": "", "--side": "motor", "--size": "0.01", "--setpoint-weight": "1",
     "--time": "0.25", "--torque-margin": "0.1", "--workers": "2", "--zeta": "1 1 1 1",
 }  # fmt: skip
 """Values other than the defaults of options that are numbers, choices or flags. Nonsense in place

@@ -35,6 +35,7 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing
 from sdt_drake.studies.verdicts import Verdict
+from sdt_drake.systems.gains import STRUCTURES
 
 PERIOD, NAMES = 0.01, ("base", "elbow", "wrist")
 DRIVE = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}
@@ -113,8 +114,10 @@ class Inputs:
         t = np.linspace(0, 0.5, 1001)
         speed = {"pi": 1 - np.exp(-30 * t) * np.cos(40 * t), "p_in_feedback": 1 - np.exp(-20 * t)}
         return {
-            name: StepResponse(name, zeta, t, y, step_metrics(t, y, y0=0.0, y_final=1.0))
-            for (name, y), zeta in zip(speed.items(), (1.0, 0.95), strict=True)
+            name: StepResponse(
+                b, zeta, t, speed[name], step_metrics(t, speed[name], y0=0, y_final=1)
+            )
+            for (name, b), zeta in zip(STRUCTURES.items(), (1.0, 0.95), strict=True)
         }
 
     @cached_property

@@ -68,24 +68,21 @@ def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figu
 
 @typed
 def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
-    """Draw step responses of the speed loop by structure, with their metrics (Figure 4)."""
-    looks = {
-        "pi": (PALETTE[1], "PI on the error"),
-        "p_in_feedback": (PALETTE[6], "I-P"),
-    }
+    """Draw step responses of the speed loop by name, with their metrics (Figure 4)."""
+    names = {1.0: "PI on the error", 0.0: "I-P"}
     with style():
         figure = Picture(figsize=(6.4, 4), layout="constrained")
         ax = figure.subplots()
         ax.axhspan(0.98, 1.02, color="0.9", label="±2 %")
-        for structure, step in steps.items():
-            colour, name = looks[structure]
-            m = step.metrics
+        for step in steps.values():
+            m, b = step.metrics, step.setpoint_weight
+            name = names.get(b, f"set-point weight {b:g}")
             rise, settling = (formatted(x, ".4f") for x in (m.rise_time, m.settling_time))
             label = (
                 f"{name}, ζ = {step.zeta:g}: rise {rise} s, settling {settling} s, "
                 f"overshoot {m.overshoot_percent:.2f} %"
             )
-            ax.plot(step.time, step.speed, color=colour, label=label)
+            ax.plot(step.time, step.speed, color=PALETTE[round(6 - 5 * b)], label=label)
         # Twice the settling time, or all of a response that does not settle (NaN).
         end = max(np.fmin(2 * x.metrics.settling_time, x.time[-1]) for x in steps.values())
         ax.set(xlim=(0, end), ylim=(0, None), xlabel="time [s]", ylabel="motor speed [rad/s]")
