@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,21 +36,9 @@ from sdt_drake.paper.tables import (
 )
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.pilot.reported import LEGEND, Judged, verdict_of_all
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
 from sdt_drake.show.reports.perception import reported_notes, reported_table
-from sdt_drake.show.sections import (
-    Block,
-    Box,
-    Marked,
-    Page,
-    Picture,
-    Section,
-    Table,
-    bullets,
-    prose,
-    said,
-    tiles,
-)
+from sdt_drake.show.sections import Box, Marked, Page, Section, Table, bullets, said, tiles
 
 TEXTS = Path(__file__).with_name("texts")
 RECORDING, SUMMARY = "device.html", "summary.json"
@@ -106,9 +95,10 @@ def write_report(folder: Path, studies: Sequence[Section] = ()) -> Path:
     """
     with _advice(folder):
         summary = _read_summary(folder / SUMMARY)
-        sections = list(_sections(summary, has_device=(folder / RECORDING).exists()))
-        report = Report(_TITLE, [_about(summary)], [*sections, *studies], symbols=True)
-        values = [section for section in sections if section.title in ("Table 1", "Provenance")]
+        shown = _values(summary, has_device=(folder / RECORDING).exists())
+        report = written("report", shown, TEXTS, symbols=True)
+        values = [one for one in report.sections if one.title in ("Table 1", "Provenance")]
+        report = replace(report, sections=[*report.sections, *studies])
         table1 = Report("Table 1, from the SDF and the reference motion", [], values)
         report.write_parts(folder)
         page = report.page(folder)
@@ -195,7 +185,8 @@ def _reported(summary: Json) -> list[Judged]:
 
 def findings(summary: Json) -> list[Marked]:
     """Return the most important results of summary.json as sentences."""
-    return list(map(Marked, prose("findings", TEXTS, **_numbers(summary)).splitlines()))
+    text = read_text(TEXTS / "findings.md", _MAX_FILE_BYTES)
+    return list(map(Marked, said(text, **_numbers(summary)).splitlines()))
 
 
 def _worst(felt: Json, channels: slice) -> str:
@@ -205,91 +196,45 @@ def _worst(felt: Json, channels: slice) -> str:
 
 # --- sections --------------------------------------------------------------------------------
 
-_TITLE = "Computed torque control for a spatial disorientation trainer, recomputed in Drake"
 
-
-def _about(summary: Json) -> Marked:
-    return said(
-        "Vidaković, Kvrgić et al., Facta Universitatis, Series Mechanical Engineering 18(2), "
-        "2020, doi 10.22190/FUME190919003V. sdt_drake {package}, drake {drake}.",
-        **summary["versions"],
-    )
-
-
-def _sections(summary: Json, *, has_device: bool) -> Iterator[Section]:
-    """Make the sections of the report in their order."""
-    claims = summary["claims"]
-    yield Section("Summary", _summary(summary))
-    if has_device:
-        turn = "The reference motion in 3D; drag to turn the view."
-        yield Section("Device in 3D", [turn, Page(RECORDING, "Load the 3D recording")])
-    yield Section("Claims", list(map(_claim, claims)))
-    yield Section(
-        "Motion",
-        [Picture("figure2.png", "Reference motion: position, speed and acceleration of each joint "
-                 "(Figure 2).")],
-    )  # fmt: skip
-    yield Section(
-        "Table 1",
-        ["Values from the device's mass matrix along the motion, and those of the paper; inertias "
-         "and gains are motor side.", inertia_table(summary["table1"])],
-    )  # fmt: skip
-    yield Section(
-        "Step response",
-        [steps_table(summary["step_response"]),
-         Picture("figure4.png", "Step response of axis 1 with both structures of the PI controller "
-                 "(Figure 4).")],
-    )  # fmt: skip
-    drawn = "Drawn from the loops that are simulated, with the load torque on line and the elements"
-    pictures = [Picture(f"diagrams/{name}.svg", words) for name, words in _DIAGRAMS.items()]
-    yield Section("Models", [f"{drawn} of the PI controller.", *pictures])
-    yield Section(
-        "Decoupled axes",
-        ["The paper's models: each motor turns a constant inertia against the load torque of the "
-         "reference.",
-         Picture("figure7.png", "Joint speeds on the decoupled axes, Algorithm 1 as printed "
-                 "(Figure 7)."),
-         Picture("figure8.png", "Speed errors on the decoupled axes, Algorithm 1 as printed "
-                 "(Figure 8).")],
-    )  # fmt: skip
-    yield Section(
-        "Coupled plant",
-        ["Here the joints influence each other by their dynamics; the controllers are the same. "
-         "The figure at the top of this page shows the speed errors."],
-    )  # fmt: skip
-    yield Section("Runs", _runs(summary["tracking"]))
-    yield Section("Beyond the paper", _beyond(summary))
+def _values(summary: Json, *, has_device: bool) -> dict[str, Any]:
+    """Return the numbers, tables and texts of the report by name."""
+    claims, runs, beyond = (summary[name] for name in ("claims", "tracking", "beyond"))
+    reported, labels = _reported(summary), list(map(label_cells, beyond))
+    shares = [{**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
+              for e in beyond]  # fmt: skip
     times = {**summary["wall_time_s"], "sum of the stages": sum(summary["wall_time_s"].values())}
-    yield Section(
-        "Provenance",
-        [prose("provenance", TEXTS),
-         Table(["", "version"], list(summary["versions"].items())),
-         Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()])],
-    )  # fmt: skip
+    turn = "The reference motion in 3D; drag to turn the view."
+    cells = list(map(run_cells, runs))
+    return {
+        **_numbers(summary), **summary["versions"],
+        "findings": bullets(findings(summary)), "counted": claims_in_words(claims),
+        "verdicts": tiles(
+            (n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()
+        ),
+        "device": [turn, Page(RECORDING, "Load the 3D recording")] if has_device else [],
+        "claims": list(map(_claim, claims)),
+        "table1": inertia_table(summary["table1"]), "steps": steps_table(summary["step_response"]),
+        "run_speeds": runs_table(RUN, cells, runs, _SPEEDS),
+        "run_positions": runs_table(RUN, cells, runs, (_POSITION, "saturated_fraction")),
+        "speeds": runs_table(["controller"], labels, beyond, _SPEEDS),
+        "positions": runs_table(
+            ["controller"], labels, shares, (_POSITION, "rms_torque_share", "peak_torque_share")
+        ),
+        "felt": felt_table(beyond), "verdict": verdict_of_all(reported), "caution": CAUTION,
+        "reported": reported_table(reported), "reports": bullets(reported_notes(reported)),
+        "legend": LEGEND,
+        "needs": Table(
+            ["controller", "needs to know"],
+            [[*own, ", ".join(e["needs"])] for own, e in zip(labels, beyond, strict=True)],
+        ),
+        "versions": Table(["", "version"], list(summary["versions"].items())),
+        "times": Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
+    }  # fmt: skip
 
 
-_DIAGRAMS = {
-    "figure3": "Decoupled axes with load torque and dynamic saturation (Figure 3).",
-    "figure4": "PI controller on the error (Figure 4).",
-    "figure5": "PI controller with its proportional gain in the feedback path (Figure 5).",
-    "figure6": "Single joint CTC: the load torque fed forward, the true load disturbed (Figure 6).",
-    "coupled_loop": "The MultibodyPlant under PI + CTC, with its load disturbed.",
-}
 _SPEEDS = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
 _POSITION = "max_abs_position_error"
-
-
-def _summary(summary: Json) -> list[Block]:
-    claims = summary["claims"]
-    errors = "Speed errors on the coupled MultibodyPlant, with both signs of Algorithm 1."
-    return [
-        prose("summary", TEXTS, **_numbers(summary)),
-        Picture("coupled_errors.png", errors),
-        Marked("### Findings"),
-        bullets(findings(summary)),
-        prose("claims", TEXTS, counted=claims_in_words(claims)),
-        tiles((n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()),
-    ]
 
 
 def _claim(claim: Json) -> Box:
@@ -302,43 +247,3 @@ def _claim(claim: Json) -> Box:
         claim["why"],
     ]
     return Box("article", blocks, f' class="claim" data-verdict="{verdict}"')
-
-
-def _runs(runs: Sequence[Json]) -> list[Block]:
-    speeds = runs_table(RUN, map(run_cells, runs), runs, _SPEEDS)
-    positions = runs_table(RUN, map(run_cells, runs), runs, (_POSITION, "saturated_fraction"))
-    return [
-        prose("runs", TEXTS),
-        speeds,
-        "Largest position error, and saturated share of time.",
-        positions,
-    ]
-
-
-def _beyond(summary: Json) -> list[Block]:
-    """Make the part on more controllers, on what a pilot feels, and on predictions of that."""
-    runs, numbers, reported = summary["beyond"], _numbers(summary), _reported(summary)
-    shares = [{**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
-              for e in runs]  # fmt: skip
-    torques = (_POSITION, "rms_torque_share", "peak_torque_share")
-    controllers = "The paper's controllers and more on the coupled plant, model known exactly."
-    needs = [[*label_cells(e), ", ".join(e["needs"])] for e in runs]
-    return [
-        prose("beyond", TEXTS, **numbers),
-        Picture("controllers.png", controllers),
-        "Errors of each joint's speed, joint side.",
-        runs_table(["controller"], map(label_cells, runs), runs, _SPEEDS),
-        "Largest position error, and torques as shares of the motor's largest.",
-        runs_table(["controller"], map(label_cells, runs), shares, torques),
-        Marked("### Does the pilot notice that CTC is missing?"),
-        prose("felt", TEXTS, **numbers),
-        felt_table(runs),
-        Marked("### Can what a pilot feels be predicted?"),
-        said("{} {}", verdict_of_all(reported), CAUTION),
-        reported_table(reported),
-        bullets(reported_notes(reported)),
-        LEGEND,
-        "The cost of each controller: the number of Drake systems in its loop, and the data that "
-        "it needs.",
-        Table(["controller", "needs to know"], needs),
-    ]

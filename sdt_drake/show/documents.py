@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -30,6 +30,7 @@ from sdt_drake.show.sections import (
     Table,
     joined,
     marked,
+    said,
 )
 
 if TYPE_CHECKING:  # only commands that write a report need these
@@ -91,6 +92,43 @@ class Report:
         page = self.page(folder)
         write_text(folder / MARKDOWN, self.markdown())
         return write_text(folder / REPORT, page)
+
+
+def written(
+    name: str, values: Mapping[str, Any], folder: Path = TEMPLATES / "reports", **options: bool
+) -> Report:
+    """Make the report that name.md in a folder of the package contains.
+
+    A heading of level 1 is the title, each of level 2 begins a section. Braces hold names of
+    `values`, as in `said`. A paragraph that is one pair of braces is the block of that name, or
+    the list of blocks. A paragraph that is a picture shows the figure or the plots that have its
+    name; without them, a file. What is None or empty is left out, and so is a section without
+    blocks.
+
+    Args:
+        name: name of the Markdown file.
+        values: texts, numbers and blocks by name, figures and plots by the names of their files.
+        folder: folder of the Markdown file.
+        options: options of `Report`.
+    """
+    chapters: list[tuple[str, list[Block]]] = []
+    for text in (folder / f"{name}.md").read_text("utf-8").rstrip().split("\n\n"):
+        found: Any = None
+        if heading := re.fullmatch("##? (.+)", text):
+            chapters.append((said(heading[1], **values), []))
+        elif block := re.fullmatch(r"\{(\w+)\}", text):
+            found = values[block[1]]
+        elif shown := re.fullmatch(r"!\[(.+)\]\((.+)\)", text):
+            file = shown[2].format(**values)
+            content = values.get(file, file)
+            if content:
+                caption = said(shown[1], **values)
+                found = Picture(file, caption, None if content == file else content)
+        else:
+            found = said(text, **values)
+        chapters[-1][1].extend(found if isinstance(found, list) else [found] * bool(found))
+    (title, lead), *sections = chapters
+    return Report(title, lead, [Section(*one) for one in sections if one[1]], **options)
 
 
 def _within(blocks: Iterable[Block]) -> Iterator[Block]:

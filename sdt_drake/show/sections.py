@@ -56,11 +56,6 @@ def said(text: str, *values: object, **named: object) -> Marked:
     return Marked(_Words().vformat(text, values, named))
 
 
-def prose(name: str, folder: Path = TEMPLATES, **values: object) -> Marked:
-    """Return the text of name.md in a folder of the package, with values as in `said`."""
-    return said((folder / f"{name}.md").read_text("utf-8").rstrip(), **values)
-
-
 def joined(texts: Iterable[str], separator: str = ", ") -> Marked:
     """Join texts to Markdown, each as it is."""
     return Marked(separator.join(map(marked, texts)))

@@ -34,6 +34,7 @@ from sdt_drake.show.reports import replay as replay_report
 from sdt_drake.show.reports import run as run_report
 from sdt_drake.show.reports import sizing as sizing_report
 from sdt_drake.show.reports import study as study_report
+from sdt_drake.show.view3d import viewer
 
 
 @pytest.fixture(scope="module")
@@ -152,8 +153,7 @@ def no_3d(monkeypatch):
             raise InputError("lasts 9000 s, expected at most 3600 s to show")
         return ""
 
-    for module in (run_report, fly_report):
-        monkeypatch.setattr(module, "recorded_page", recorded_page)
+    monkeypatch.setattr(viewer, "recorded_page", recorded_page)
 
 
 def _written(write):

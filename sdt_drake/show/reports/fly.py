@@ -9,7 +9,6 @@ from typing import Any, cast
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.shown import numbered
@@ -20,21 +19,12 @@ from sdt_drake.motion import margins
 from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
 from sdt_drake.show.figures import fly as figures
 from sdt_drake.show.panels import Plots
-from sdt_drake.show.sections import (
-    Block,
-    Marked,
-    Page,
-    Picture,
-    Section,
-    Table,
-    prose,
-    said,
-)
+from sdt_drake.show.sections import Marked, Table, said
 from sdt_drake.show.style import pictures
-from sdt_drake.show.view3d.viewer import recorded_page
+from sdt_drake.show.view3d.viewer import played
 
 MOTION, SUMMARY = "motion.csv", "summary.json"
 _PLOTS, _RECORDING = ("force.png", "attitude.png", "rotation.png"), "3d.html"
@@ -60,58 +50,17 @@ def write_flown(folder: Path, flown: CueingResult) -> Path:
 
 def fly_report(flown: CueingResult) -> Report:
     """Make the report of a flight."""
-    best, flight = flown.chosen, flown.chosen.flight
-    own: dict[str, Any] = best.figures(flown.felt)
-    answer = said(
-        "**The device misses the flight's force by {g_error_rms:.3f} G and its felt rotation by "
-        "{felt_rotation_rms_deg_s:.1f} deg/s (RMS), with at most {torque_share_max:.1%} of the "
-        "motors' torque.**",
-        **own,
-    )
-    following = Marked(
-        "Next: look at the motion in 3D below, then run it with your controller: "
-        "`motion: motion.csv` in a scenario, and `sdt-drake simulate`."
-    )
-    in_short: list[Block] = [
-        _in_short(flown),
-        Table(*flown.summary()[1:3]),
-        Picture(
-            "front.png",
-            "Felt rotation error over G error: the chosen motion, others by the weight of G, and "
-            "the baselines.",
-            figures.front(flown),
-        ),
-    ]
-    plots = {
-        "force.png": ("Specific force at the head, in flight and on the device.",
-                      figures.force_panels(best)),
-        "attitude.png": ("Felt attitude in flight and on the device, and the attitude of the "
-                         "aircraft.", figures.attitude_panels(flown)),
-        "rotation.png": ("Rotation of the head, and its felt error.",
-                         figures.rotation_panels(best)),
-    }  # fmt: skip
-    sections = [
-        Section("In short", in_short),
-        Section(
-            "Flight and device",
-            [Picture(x, words, Plots([panels])) for x, (words, panels) in plots.items() if panels],
-        ),
-        Section("In 3D", _in_3d(best)),
-        Section("Used limits", [_limits(best)]),
-        Section("Starts", [prose("fly_starts", max_steps=MAX_STEPS), _starts(flown)]),
-        Section("How to read it", [prose("fly", caution=CAUTION, **cast(Any, flown.numbers))]),
-    ]
-    return Report(f"{flight.name} on {best.robot.name}", [answer, following], sections)
-
-
-def _in_short(flown: CueingResult) -> Marked:
-    """Return the results of a flight as a list."""
-    flight, numbers = flown.chosen.flight, cast(Any, flown.numbers)
+    best, flight, numbers = flown.chosen, flown.chosen.flight, cast(Any, flown.numbers)
     own, alignment, *others = (one.figures(flown.felt) for one in flown.candidates)
     rate = flight.angular_rate - low_pass_at(flight.time, flight.angular_rate)
     size = np.linalg.norm(flight.specific_force, axis=1) / GRAVITY
     felt, aligned = (x["felt_vertical_rms_deg"] for x in (own, alignment))
     beside = "" if aligned is None else said("; with alignment {:.1f} deg", aligned)
+    panels = {
+        "force.png": figures.force_panels(best),
+        "attitude.png": figures.attitude_panels(flown),
+        "rotation.png": figures.rotation_panels(best),
+    }
     cause = ""
     if flown.unlimited:
         cause = said(
@@ -122,23 +71,25 @@ def _in_short(flown: CueingResult) -> Marked:
             **others[1],
         )  # fmt: skip
     broken = "\n- **Interrupted:** this is the best motion found before the interruption."
-    return prose(
-        "fly_in_short", own=own, to=alignment, flight=flight, least=size.min(), most=size.max(),
-        rate=np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
-        vertical="unknown; the model of the pilot does not cover weightlessness" if felt is None
+    return written("fly", {
+        **numbers,
+        **{name: Plots([shown]) if shown else None for name, shown in panels.items()},
+        "front.png": figures.front(flown),
+        "flight": flight, "robot": best.robot, "own": own, "to": alignment,
+        "least": size.min(), "most": size.max(),
+        "rate_rms": np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
+        "vertical": "unknown; the model of the pilot does not cover weightlessness" if felt is None
         else said("{:.1f} deg RMS from that in flight{}", felt, beside),
-        cause=cause, allowed=100 * numbers["torque_share_allowed"],
-        start=numbers["flight_starts_at"], interrupted=Marked(broken * numbers["interrupted"]),
-    )  # fmt: skip
-
-
-def _in_3d(best: Candidate) -> list[Block]:
-    try:
-        page = recorded_page(best.robot, best.motion.time, best.motion.q, title=best.flight.name)
-    except InputError as error:
-        return [said("There is no 3D recording: {}.", error)]
-    words = "The whole motion, from rest to rest; the aircraft's attitude is in the plots above."
-    return [words, Page(_RECORDING, "Play", page)]
+        "cause": cause, "allowed": 100 * numbers["torque_share_allowed"],
+        "interruption": Marked(broken * numbers["interrupted"]),
+        "summary": Table(*flown.summary()[1:3]),
+        "recording": played(
+            _RECORDING, "The whole motion, from rest to rest; the aircraft's attitude is in the "
+            "plots above.", best.robot, best.motion.time, best.motion.q, title=flight.name,
+        ),
+        "limits": _limits(best), "max_steps": MAX_STEPS, "found_from": _starts(flown),
+        "caution": CAUTION,
+    })  # fmt: skip
 
 
 def _costs(own: dict[str, float | None], free: dict[str, float | None]) -> bool:

@@ -22,7 +22,7 @@ from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.show import sections as doc
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures.identification import residuals_figure, torques_figure
 from sdt_drake.show.style import pictures
 
@@ -323,34 +323,20 @@ def write_identification_report(
         notes: further sentences, on other files of the folder.
     """
     base, links = _details(parameters(found, robot))
-    torques = doc.Picture(
-        "torques.png",
-        "Measured torques and those of the identified robot, joint side. Shaded data were held "
-        "out.",
-        torques_figure(found),
-    )
-    residuals = doc.Picture(
-        "residuals.png",
-        "Torque not explained, and friction torque, over the speed of each joint; joint side.",
-        residuals_figure(found, files),
-    )
-    answer = doc.bullets(doc.said("{}.", text) for text in result(found))
-    details = [
-        doc.details("Base parameters: the measured sums", base),
-        doc.details("Parameters of the links and motors, about the joints' frames", links),
-    ]
-    warnings = doc.bullets(map(str, found.warnings)) if found.warnings else "None."
-    notes_on_friction = doc.bullets(friction_notes(found, files))
-    sections = [
-        doc.Section("In short", [answer, errors_table(found, robot)]),
-        doc.Section("Warnings", [warnings]),
-        doc.Section("Data", [doc.bullets([*in_short(found), *notes])]),
-        doc.Section("Torques", [torques]),
-        doc.Section("Friction", [friction_table(found, files), notes_on_friction, residuals]),
-        doc.Section("Links", [links_table(found), *details]),
-        doc.Section("What the numbers mean", [doc.prose("identified")]),
-    ]
-    return Report(f"{found.nominal.name}, identified", [], sections).write(folder)
+    return written("identification", {
+        "robot": found.nominal.name,
+        "answer": doc.bullets(doc.said("{}.", text) for text in result(found)),
+        "errors": errors_table(found, robot),
+        "warnings": doc.bullets(map(str, found.warnings)) if found.warnings else "None.",
+        "data": doc.bullets([*in_short(found), *notes]),
+        "torques.png": torques_figure(found),
+        "friction": friction_table(found, files),
+        "on_friction": doc.bullets(friction_notes(found, files)),
+        "residuals.png": residuals_figure(found, files),
+        "links": links_table(found),
+        "base": doc.details("Base parameters: the measured sums", base),
+        "all": doc.details("Parameters of the links and motors, about the joints' frames", links),
+    }).write(folder)  # fmt: skip
 
 
 def _details(found: Sequence[Parameter]) -> tuple[doc.Table, doc.Table]:

@@ -15,9 +15,9 @@ from sdt_drake.machine.learn.filter import Convergence, LearningFilter
 from sdt_drake.machine.learn.trials import LearningResult, Trial
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures import learning as figures
-from sdt_drake.show.sections import Block, Picture, Section, Table, capital, joined, said, spread
+from sdt_drake.show.sections import Table, capital, joined, said, spread
 from sdt_drake.show.style import pictures
 
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
@@ -125,48 +125,19 @@ def write_learning_report(
     """
     names, first, best = design.device.simulated.joint_names, result.trials[0], result.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
-    compared = [first] if best is first else [first, best]
+    time, compared = design.reference.planned.time, [first] if best is first else [first, best]
     rows = [flight_numbers(trial) for trial in result.trials]
     answer, *more = map(capital, learning_summary(result))
-    flights: list[Block] = [
-        spread(list(rows[0]), [list(row.values()) for row in rows]),
-        Picture(
-            "flights.png",
-            "Errors, share of felt time, and torques by flight.",
-            figures.flights(f"{title}, by flight", result.trials, names),
-        ),
-        Picture(
-            "errors.png",
-            "Errors of the first and of the best flight.",
-            figures.errors(
-                f"{title}, position errors", design.reference.planned.time, compared, names
-            ),
-        ),
-    ]
-    convergence: list[Block] = [
-        said(
-            "The share of an error that remains after a flight, predicted from linear models "
-            "before the first flight. Below 1, errors shrink from flight to flight. The learned "
-            "quantity is the {}.",
-            filter_.of,
-        ),
-        check_table(checks, filter_),
-        Picture(
-            "convergence.png",
-            "Below 1 an error shrinks; above the bandwidth (dotted) nothing changes.",
-            figures.checks(f"{title}, share of the error after a flight", checks, filter_, names),
-        ),
-    ]
-    lead = [
-        joined([said("**{}.**", answer), *(said("{}.", line) for line in more)], " "),
-        said(
-            "Next: run `sdt-drake simulate` or `sdt-drake export` with `scenario.yaml` of this "
-            "folder, which has the learned {}.",
-            filter_.of,
-        ),
-    ]
-    sections = [Section("Flights", flights), Section("Convergence", convergence)]
-    return Report(f"{title}: learned", lead, sections).write(folder)
+    share = f"{title}, share of the error after a flight"
+    return written("learning", {
+        "title": title, "of": filter_.of,
+        "answer": joined([said("**{}.**", answer), *(said("{}.", line) for line in more)], " "),
+        "table": spread(list(rows[0]), [list(row.values()) for row in rows]),
+        "flights.png": figures.flights(f"{title}, by flight", result.trials, names),
+        "errors.png": figures.errors(f"{title}, position errors", time, compared, names),
+        "checks": check_table(checks, filter_),
+        "convergence.png": figures.checks(share, checks, filter_, names),
+    }).write(folder)  # fmt: skip
 
 
 def _write_flights(path: Path, flights: Sequence[Trial]) -> None:

@@ -22,7 +22,7 @@ from sdt_drake.machine.replay import (
     Replay,
 )
 from sdt_drake.show import sections as doc
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures.replay import replay_figure, replay_title
 from sdt_drake.show.style import pictures
 
@@ -142,17 +142,14 @@ def write_replay(replay: Replay, folder: Path) -> Path:
         InputError: if a file cannot be written.
     """
     explained, *differences = tables(replay)
-    caption = "Recorded and simulated: errors joint side, torques motor side."
-    lead = ["The simulated loop with the recorded reference, compared with the recording."]
-    sections = [
-        doc.Section("In short", [doc.bullets(replay_findings(replay)), explained]),
-        doc.Section("Side by side", [doc.Picture(f"{FIGURE}.png", caption, replay_figure(replay))]),
-        doc.Section("Where the difference comes from", differences),
-        doc.Section("How to read it", [doc.prose("replay", fed=FED, alone=ALONE)]),
-    ]
+    report = written("replay", {
+        "title": replay_title(replay), "findings": doc.bullets(replay_findings(replay)),
+        "explained": explained, f"{FIGURE}.png": replay_figure(replay),
+        "differences": differences, "fed": FED, "alone": ALONE,
+    })  # fmt: skip
     with replacing_files(folder) as new:
         replay.to_csv(new / TABLE)
-        Report(f"Replay of {replay_title(replay)}", lead, sections).write(new)
+        report.write(new)
     return folder / REPORT
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.frequency_response import FrequencyResponse, left_out
+from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response, left_out
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
@@ -18,22 +18,21 @@ from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.motion import Story, story_of
+from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.run.controllers import feedback_of, option_names
 from sdt_drake.run.design import Design
 from sdt_drake.run.recording import Recording
-from sdt_drake.show.documents import Report
+from sdt_drake.show.documents import Report, written
 from sdt_drake.show.figures.pilot import felt_panels
 from sdt_drake.show.figures.scope import joint_panels, torque_over_speed
 from sdt_drake.show.panels import MAX_SAMPLES, Plots
-from sdt_drake.show.reports.run_answer import answer_of
+from sdt_drake.show.reports.run_answer import answer
 from sdt_drake.show.sections import (
     Block,
     Marked,
-    Page,
     Picture,
-    Section,
     Table,
     bullets,
     code,
@@ -44,7 +43,7 @@ from sdt_drake.show.sections import (
 )
 from sdt_drake.show.style import joint_title
 from sdt_drake.show.view3d.scene import FELT_MODEL
-from sdt_drake.show.view3d.viewer import recorded_page
+from sdt_drake.show.view3d.viewer import played
 
 
 def write_run_report(
@@ -71,28 +70,37 @@ def write_run_report(
 
 def run_report(design: Design, recording: Recording, path: Path, joints: Sequence[int]) -> Report:
     """Make the report of a run; arguments as in `write_run_report`."""
-    scenario, name = design.scenario, f"{path.stem}_{{}}".format
+    scenario, robot = design.scenario, design.device.simulated
     run = Compared(scenario.controller.label, design, recording)
-    answer = answer_of(run)
+    try:
+        response: FrequencyResponse | str = frequency_response(design)
+    except InputError as error:  # a user's controller that Drake cannot linearise
+        response = str(error)
     tracked = [(METRICS[name], run.metrics[name]) for name in COMPARED]
-    tracking = _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked])
-    over_speed = Plots([[torque_over_speed(recording, design, k)] for k in joints])
-    story = story_of(scenario.motion, design.device.simulated, design.reference.tracked)
-    yaml = details("The scenario, every field of it, as YAML", fenced(yaml_text(scenario).rstrip()))
-    sections = [
-        Section("In short", [answer.in_short()]),
-        Section("What was run", [Table(["", ""], list(_what(design))), _gains(design)]),
-        Section("Loops", _loops(design, answer.response)),
-        Section("Tracking", [tracking]),
-        Section("Over time", list(_over_time(run, joints, name))),
-        Section(
-            "Torque over speed", [Picture(name("torque.png"), _over_speed(design), over_speed)]
+    story = story_of(scenario.motion, robot, design.reference.tracked)
+    yaml = yaml_text(scenario).rstrip()
+    samples, name = len(recording.time), path.stem
+    shown = f"All {samples} samples are shown."
+    if samples > MAX_SAMPLES:
+        shown = f"Of {samples} samples, the least and the largest of each short interval are shown."
+    return written("run", {
+        **answer(run, response),
+        "name": name, "title": scenario.summary().title, "robot": robot.name,
+        "motion": Path(scenario.motion).stem, "duration": design.reference.planned.duration,
+        "what": Table(["", ""], list(_what(design))), "gains": _gains(design),
+        "loops": _loops(design, response),
+        "tracking": _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked]),
+        "shown": shown, "over_time": list(_over_time(run, joints, name)),
+        "over_speed": _over_speed(design),
+        f"{name}_torque.png": Plots([[torque_over_speed(recording, design, k)] for k in joints]),
+        "pilot": _pilot(run, story, name) if has_head(robot) else [],
+        "recording": played(
+            f"{name}_3d.html", "The run in 3D; drag to turn the view.", robot, recording.time,
+            recording.q, title=scenario.name, story=story,
         ),
-        *([Section("What the pilot feels", _pilot(run, story, name))] if answer.has_head else []),
-        Section("In 3D", _in_3d(run, story, name)),
-        Section("Scenario and versions", [yaml, Table(["", "version"], list(versions().items()))]),
-    ]
-    return Report(scenario.summary().title, answer.lead(), sections)
+        "scenario": details("The scenario, every field of it, as YAML", fenced(yaml)),
+        "versions": Table(["", "version"], list(versions().items())),
+    })  # fmt: skip
 
 
 # --- tables ----------------------------------------------------------------------------------
@@ -193,13 +201,8 @@ def _loops(design: Design, response: FrequencyResponse | str) -> list[Block]:
 # --- plots -----------------------------------------------------------------------------------
 
 
-def _over_time(run: Compared, joints: Sequence[int], name: Any) -> Iterator[Block]:
-    """Return the plots of each joint over time."""
-    samples = len(run.recording.time)
-    shown = f"All {samples} samples are shown."
-    if samples > MAX_SAMPLES:
-        shown = f"Of {samples} samples, the least and the largest of each short interval are shown."
-    yield said("> {}", shown)
+def _over_time(run: Compared, joints: Sequence[int], name: str) -> Iterator[Block]:
+    """Yield the plots of each joint over time."""
     panels = joint_panels(run.recording, run.design)
     for k in joints:
         title = joint_title(k, run.design.device.simulated.joint_names[k]).capitalize()
@@ -207,7 +210,7 @@ def _over_time(run: Compared, joints: Sequence[int], name: Any) -> Iterator[Bloc
         if np.any(run.recording.saturated[:, k] > 0):
             caption += " On grey ground the motor gives less torque than commanded."
         yield said("### {}", title)
-        yield Picture(name(f"joint_{k + 1}.png"), caption, Plots([panels[k]]))
+        yield Picture(f"{name}_joint_{k + 1}.png", caption, Plots([panels[k]]))
 
 
 def _over_speed(design: Design) -> str:
@@ -220,7 +223,7 @@ def _over_speed(design: Design) -> str:
     return caption
 
 
-def _pilot(run: Compared, story: Story, name: Any) -> list[Block]:
+def _pilot(run: Compared, story: Story, name: str) -> list[Block]:
     """Return the intended feeling of the motion, the predicted illusions, and plots by axis."""
     blocks, predicted = _predicted(run, story)
     if story.feels:
@@ -232,7 +235,7 @@ def _pilot(run: Compared, story: Story, name: Any) -> list[Block]:
     )
     pictures = [
         Picture(
-            name(f"pilot_{turn}.png"),
+            f"{name}_pilot_{turn}.png",
             f"{push.capitalize()} force and {turn} of the head, in its own axes.",
             Plots([panels]),
         )
@@ -256,13 +259,3 @@ def _predicted(run: Compared, story: Story) -> tuple[list[Block], str]:
     if not found:
         return [said("{:code} predicts no illusion.", FELT_MODEL)], sentence
     return [said("Illusions that {:code} predicts:", FELT_MODEL), bullets(found)], sentence
-
-
-def _in_3d(run: Compared, story: Story, name: Any) -> list[Block]:
-    robot, recording = run.design.device.simulated, run.recording
-    try:
-        title = run.design.scenario.name
-        page = recorded_page(robot, recording.time, recording.q, title=title, story=story)
-    except InputError as error:
-        return [said("There is no 3D recording: {}.", error)]
-    return ["The run in 3D; drag to turn the view.", Page(name("3d.html"), "Play", page)]

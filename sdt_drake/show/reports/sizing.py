@@ -13,7 +13,7 @@ from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.resources import PACKAGE_PREFIX
 from sdt_drake.io.shown import formatted, listed
 from sdt_drake.show import sections as doc
-from sdt_drake.show.documents import MARKDOWN, REPORT, Report
+from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures.fronts import sizing_front
 from sdt_drake.show.sections import Marked, joined, said
 from sdt_drake.show.style import pictures
@@ -44,24 +44,17 @@ def write_sizing_report(
     answers = [_answer(sizing, verdicts, label) for label in sizing.controllers]
     answers.sort(key=_heavy)
     best = answers[0] if answers[0]["chosen"] else None
-    tables = [table for answer in answers for table in (answer["margins"], answer["out"]) if table]
     count = len(verdicts) // len(sizing.controllers)
-    front = doc.Picture(
-        f"{FIGURE}.png",
-        "Largest speed error over the mass of all motors, for each controller.",
-        sizing_front(f"{sizing.name}: motors and tracking", verdicts),
-    )
-    where = Marked("`candidates.csv` contains each candidate with its worst value of every limit.")
-    sections = [
-        doc.Section("In short", [doc.bullets(_in_short(answer, count) for answer in answers)]),
-        doc.Section("What to do next", _next(best)),
-        doc.Section("Margins", tables),
-        doc.Section("Motor by motor", [motor_table(sizing, verdicts)]),
-        doc.Section("All candidates", [front, where]),
-    ]
-    lead = [said("> {}", failed)] if failed else []
-    lead.append(_best(sizing, answers, count) if best else _none(answers, count))
-    Report(f"Motors of {sizing.name}", lead, sections).write(folder)
+    written("sizing", {
+        "name": sizing.name, "failed": said("> {}", failed) if failed else "",
+        "answer": _best(sizing, answers, count) if best else _none(answers, count),
+        "in_short": doc.bullets(_in_short(answer, count) for answer in answers),
+        "next": doc.bullets(_next(best)),
+        "fields": doc.fenced(best["fields"]) if best else "",
+        "margins": [x for one in answers for x in (one["margins"], one["out"]) if x],
+        "motors": motor_table(sizing, verdicts),
+        f"{FIGURE}.png": sizing_front(f"{sizing.name}: motors and tracking", verdicts),
+    }).write(folder)  # fmt: skip
 
 
 def _best(sizing: Sizing, answers: Sequence[dict[str, Any]], count: int) -> Marked:
@@ -117,28 +110,29 @@ def _set(verdict: Verdict) -> str:
     return ", ".join(verdict.candidate.motors) + scaled
 
 
-def _next(best: dict[str, Any] | None) -> list[doc.Block]:
-    """Return what to do next, with the fields of the best set."""
-    again = (
-        "To change requirements, motions or catalogue, edit the sizing's file and run it into "
-        "another folder."
-    )
+def _next(best: dict[str, Any] | None) -> list[Marked]:
+    """Return what to do next."""
     if best is None:
-        stronger = Marked(
-            "Offer stronger motors for the joints of the first table, relax `requirements`, or "
-            "slow the motions down with `planner: retiming` and `stretch`."
-        )
-        return [doc.bullets([stronger, again])]
-    look = Marked(
-        "Copy the fields below into the scenario, and look at a run: `sdt-drake simulate SCENARIO "
-        "--out run.html`."
-    )
-    tight = Marked(
-        "Masses and friction are rarely known better than the smallest margin here, below a tenth: "
-        "run `sdt-drake study` to see how often the limits are met."
-    )
-    steps = [look, tight, again] if best["tight"] else [look, again]
-    return [doc.bullets(steps), doc.fenced(best["fields"])]
+        return [_STRONGER, _AGAIN]
+    return [_LOOK, _TIGHT, _AGAIN] if best["tight"] else [_LOOK, _AGAIN]
+
+
+_STRONGER = Marked(
+    "Offer stronger motors for the joints of the first table, relax `requirements`, or "
+    "slow the motions down with `planner: retiming` and `stretch`."
+)
+_LOOK = Marked(
+    "Copy the fields below into the scenario, and look at a run: `sdt-drake simulate SCENARIO "
+    "--out run.html`."
+)
+_TIGHT = Marked(
+    "Masses and friction are rarely known better than the smallest margin here, below a tenth: "
+    "run `sdt-drake study` to see how often the limits are met."
+)
+_AGAIN = Marked(
+    "To change requirements, motions or catalogue, edit the sizing's file and run it into "
+    "another folder."
+)
 
 
 def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str, Any]:

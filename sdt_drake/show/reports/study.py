@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import listed
-from sdt_drake.show.documents import REPORT, Report
+from sdt_drake.show.documents import REPORT, Report, written
 from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.show.figures import studies as plots
 from sdt_drake.show.reports.study_tables import (
@@ -90,67 +91,33 @@ def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[Tab
         table: the table of the study.
         folder: the folder of the study, for the command that repeats a run.
     """
-    families, figures, status = headlines(table), study_figures(table), status_table(table)
-    sections = [Section("Summary", study_summary(table)), Section("Status", [status])]
-    if not families:
-        return Report(f"Study {table.name}", [], sections), [status]
+    families, status = headlines(table), status_table(table)
+    figures = study_figures(table)
     percentile_tables = [percentile_table(table, [family]) for family in families]
     worst = [worst_table(table, family) for family in families]
     shares = sensitivity_tables(table, families)
-    repeat = said(
-        "Repeat a run exactly: {:code}",
-        f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
-    )
-    sections += [
-        Section(
-            "Distributions",
-            [
-                *_pictures(figures, "distributions"),
-                "Runs with status ok; joint side, torques as shares of the motor's largest torque.",
-                *percentile_tables,
-                *_by_joint(table, lambda names: [percentile_table(table, names)]),
-            ],
+    report = written("study", {
+        **{f"{name}.png": figures.get(name) for name in FIGURES},
+        "name": table.name, "summary": study_summary(table), "status": status,
+        "of_ok": _OF_OK if families else "", "percentiles": percentile_tables,
+        "by_joint": _by_joint(table, lambda names: [percentile_table(table, names)]),
+        "worst": worst, "repeat": families and said(
+            "Repeat a run exactly: {:code}",
+            f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
         ),
-        Section("Worst runs", [*worst, repeat]),
-        Section(
-            "What matters",
-            [
-                *([_EXPLAINED] if shares else []),
-                *shares,
-                *_pictures(figures, "tornado"),
-                *(_by_joint(table, partial(sensitivity_tables, table)) if shares else []),
-            ],
-        ),
-        Section("All runs", _pictures(figures, "scatter")),
-        Section("Pareto front", _pictures(figures, "pareto")),
-    ]
-    tables = [status, *percentile_tables, *worst, *shares]
-    return Report(f"Study {table.name}", [], [one for one in sections if one.blocks]), tables
+        "explained": _EXPLAINED if shares else "", "shares": shares,
+        "shares_by_joint": _by_joint(table, partial(sensitivity_tables, table)) if shares else [],
+    })  # fmt: skip
+    return report, [status, *percentile_tables, *worst, *shares]
 
 
+_OF_OK = "Runs with status ok; joint side, torques as shares of the motor's largest torque."
 _EXPLAINED = (
     "The share of an outcome's variance that each input explains alone, with its standard error "
     "(first-order index: correlation ratio, corrected for chance; worst joint of each run). The "
     "rest to 100 % comes from inputs acting together, or is too fine for the bins of this number "
     "of runs."
 )
-_CAPTIONS = {
-    "distributions": "Share of the runs at or below a value; markers at 50 %, 95 % and 99 %.",
-    "tornado": "Mean over the runs in which an input is in its lowest or highest fifth; for "
-    "texts, the levels with the lowest and the highest mean.",
-    "scatter": "A point for each run, at most 2000.",
-    "pareto": "Designs that complete all runs, with their worst values; grey: another design is "
-    "better in one outcome and not worse in the other.",
-}
-
-
-def _pictures(figures: Mapping[str, Figure], *names: str, place: str = "") -> list[Picture]:
-    """Return the pictures of existing figures; `place` is the path of their folder."""
-    return [
-        Picture(f"{place}{name}.png", _CAPTIONS[name], figures[name])
-        for name in names
-        if name in figures
-    ]
 
 
 def study_chapter(folder: Path) -> Section:
@@ -159,11 +126,15 @@ def study_chapter(folder: Path) -> Section:
     Raises:
         InputError: as for `write_study_report`.
     """
-    table = read_study_table(folder)
-    figures = study_figures(table, ("distributions", "tornado", "pareto"))
-    pictures = _pictures(figures, *figures, place=f"{folder.name}/")
-    blocks = [*study_summary(table), status_table(table), *pictures]
-    return Section(f"Study {table.name}", blocks)
+    report, _ = make_study_report(read_study_table(folder), folder)
+    summary, status, *others = report.sections
+    figures = [
+        replace(block, name=f"{folder.name}/{block.name}")
+        for section in others
+        for block in section.blocks
+        if isinstance(block, Picture) and block.name != "scatter.png"
+    ]
+    return Section(report.title, [*summary.blocks, *status.blocks, *figures])
 
 
 def families_there(table: StudyTable) -> list[str]:
@@ -177,27 +148,27 @@ def headlines(table: StudyTable) -> list[str]:
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
-def study_figures(table: StudyTable, wanted: Sequence[str] = FIGURES) -> dict[str, Figure]:
-    """Draw the chosen figures for which there is data, by name."""
+def study_figures(table: StudyTable) -> dict[str, Figure]:
+    """Draw the figures for which there is data, by name."""
     names, count = headlines(table), int(table.ok.sum())
     moved = [family for family in names if plots.influential(table, [family])]
-    drawn: dict[str, Callable[[], Figure]] = {}
+    drawn: dict[str, Figure] = {}
     if names:
         title = f"{table.name}: share of {count} runs at or below a value"
-        drawn["distributions"] = partial(plots.distributions, title, table, names)
+        drawn["distributions"] = plots.distributions(title, table, names)
     if moved:
         family = ERROR if ERROR in moved else moved[0]
         title = f"{table.name}: effect of the inputs on the {metric_of(family).title}"
-        drawn["tornado"] = partial(plots.tornado_figure, title, table, family)
+        drawn["tornado"] = plots.tornado_figure(title, table, family)
         title = f"{table.name}: outcomes over the most important inputs"
         outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MAX_PANELS]
         inputs = plots.influential(table, names)
-        drawn["scatter"] = partial(plots.scatter_matrix, title, table, inputs, outcomes)
+        drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes)
     is_front = table.choices and not table.missing and {COST, ERROR} <= set(table.families)
     if is_front and len(table.designs(COST, ERROR)):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
-        drawn["pareto"] = partial(plots_front.pareto_figure, title, table, COST, ERROR)
-    return {name: draw() for name, draw in drawn.items() if name in wanted}
+        drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR)
+    return drawn
 
 
 # --- in short --------------------------------------------------------------------------------

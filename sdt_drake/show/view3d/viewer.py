@@ -8,6 +8,7 @@ import time as clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
@@ -26,6 +27,7 @@ from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.show.documents import render_html
+from sdt_drake.show.sections import Block, Page, said
 from sdt_drake.show.view3d.scene import (
     ARROW,
     FELT,
@@ -188,6 +190,25 @@ def recorded_page(
         near=PILOT_NEAR,
     )
     return page_with(meshcat, title, overlay)
+
+
+def played(
+    name: str, words: str, robot: Robot, time: Array, q: Array, **options: Any
+) -> list[Block]:
+    """Return the blocks of a report that play a motion in 3D, or say why there is no recording.
+
+    Args:
+        name: file of the page, from the folder of the report.
+        words: text above the button.
+        robot: the robot, with the shapes of its file.
+        time: increasing samples [s], shape (N,), N >= 3.
+        q: joint angles, joint side [rad], shape (N, n).
+        options: options of `recorded_page`.
+    """
+    try:
+        return [words, Page(name, "Play", recorded_page(robot, time, q, **options))]
+    except InputError as error:
+        return [said("There is no 3D recording: {}.", error)]
 
 
 def page_with(meshcat: Meshcat, title: str, overlay: str) -> str:
