@@ -292,7 +292,8 @@ def _run(design: Design, input: str, k: int, size: float, first: int, count: int
         builder.AddNamedSystem("step", load)
         builder.Connect(load.get_output_port(), loop.GetInputPort("extra_load_torque"))
     accuracy = max(design.scenario.accuracy / ACCURACY_FACTOR, MIN_ACCURACY)
-    simulator = make_simulator(builder.Build(), period=period, accuracy=accuracy)
+    chosen = design.scenario.simulation
+    simulator = make_simulator(builder.Build(), period=period, accuracy=accuracy, simulation=chosen)
     context = simulator.get_mutable_context()
     own = diagram.GetMyMutableContextFromRoot(context)
     saturation = diagram.GetSubsystemByName("dynamic_saturation")

@@ -116,11 +116,23 @@ def motor_use(recording: Recording, robot: Robot) -> MotorUse:
     return MotorUse(peak, rms, peak / limit, rms / limit)
 
 
-def stops_passed(recording: Recording, joint_names: Sequence[str]) -> list[str]:
-    """Return a line for each joint that passes a stop, with time, angle and distance."""
-    beyond = recording.beyond_stop
+def stops_passed(
+    recording: Recording, joint_names: Sequence[str], stiffness: Sequence[float] | None = None
+) -> list[str]:
+    """Return a line for each joint that passes a stop, with time, angle and distance.
+
+    Args:
+        recording: recording of the run.
+        joint_names: names of the joints.
+        stiffness: `plant.stops.stiffness` of stops that push back; none by default.
+    """
+    beyond, acting = recording.beyond_stop, stiffness or [0.0] * len(joint_names)
     return [
-        f"joint {k + 1} {joint_names[k]} passes its stop at {recording.time[i]:.3f} s, at "
+        f"joint {k + 1} {joint_names[k]} runs into its stop at {recording.time[i]:.3f} s, with "
+        f"{recording.v[max(i - 1, 0), k]:.3g} rad/s, and presses it in by "
+        f"{beyond[:, k].max():.3g} rad"
+        if acting[k]
+        else f"joint {k + 1} {joint_names[k]} passes its stop at {recording.time[i]:.3f} s, at "
         f"{recording.q[i, k]:.4g} rad, and goes {beyond[:, k].max():.3g} rad beyond it "
         "(stops do not act in the simulation)"
         for k, i in enumerate((beyond > 0).argmax(axis=0))

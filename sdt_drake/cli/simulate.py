@@ -54,7 +54,8 @@ def run(
     print_joints(design.device.simulated.joint_names, columns_of(vars(tracking)))
     if design.envelope is not None:
         echo(f"torque-speed envelope from {design.envelope.source}")
-    for line in stops_passed(recording, design.device.simulated.joint_names):
+    stiffness = design.scenario.plant.stops.stiffness
+    for line in stops_passed(recording, design.device.simulated.joint_names, stiffness):
         echo(f"note: {line}")
 
     def write(path: Path) -> None:

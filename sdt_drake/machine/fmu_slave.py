@@ -145,7 +145,10 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         design = make_design(self._scenario.changed(changes), motion=self._design.reference.planned)
         self._loop = open_loop(design, self._given)
         self._simulator = make_simulator(
-            self._loop.diagram, period=self._period, accuracy=design.scenario.accuracy
+            self._loop.diagram,
+            period=self._period,
+            accuracy=design.scenario.accuracy,
+            simulation=design.scenario.simulation,
         )
         self._context = self._simulator.get_mutable_context()
         self._feed()

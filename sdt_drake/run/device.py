@@ -15,6 +15,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.robot.stops import Stops
 from sdt_drake.run.design import Design
 from sdt_drake.systems import (
     arrival,
@@ -24,6 +25,7 @@ from sdt_drake.systems import (
     elastic_joints,
     encoder,
     joint_friction,
+    joint_stops,
     torque_loop,
 )
 from sdt_drake.systems.elastic_joints import set_motor_state
@@ -94,6 +96,15 @@ def make_device(design: Design) -> Diagram:
         friction = joint_friction(friction=design.friction, gear_ratio=robot.gear_ratio)
         loads.append(add("friction", friction))
         connect(plant.state, friction.get_input_port())
+    if not (stops := design.scenario.plant.stops).is_none:
+        pushing = joint_stops(
+            stops=stops,
+            lower=robot.position_lower,
+            upper=robot.position_upper,
+            gear_ratio=robot.gear_ratio,
+        )
+        loads.append(add("joint_stops", pushing))
+        connect(plant.state, pushing.get_input_port())
     if design.needs_load_torque:
         reference = add("load_torque", PassThrough(n))
         builder.ExportInput(reference.get_input_port(), "load_torque")
@@ -191,10 +202,10 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
 def viscous_only(design: Design) -> Design:
     """Return a design for linear analysis: no load of the reference, and viscous friction alone.
 
-    Other friction has no frequency response.
+    Other friction has no frequency response, nor have stops.
     """
     plant = design.scenario.plant
-    plant = replace(plant, friction=Friction(viscous=plant.friction.viscous))
+    plant = replace(plant, friction=Friction(viscous=plant.friction.viscous), stops=Stops())
     return replace(design.assuming(loaded=False), scenario=replace(design.scenario, plant=plant))
 
 

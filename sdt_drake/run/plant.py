@@ -153,6 +153,12 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
             ("viscous", friction.viscous / inertia),
         ):
             _check_pole(scenario, poles, "plant.friction", f"{name} gives")
+    stops = scenario.plant.stops
+    stops.check(robot)
+    for name, power in (("stiffness", 0.5), ("damping", 1.0)):
+        if (values := getattr(stops, name)) is not None:
+            poles = (np.array(values) / inertia) ** power
+            _check_pole(scenario, poles, f"plant.stops.{name}")
     drive = scenario.drive
     if drive.torque_bandwidth is not None:
         lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)

@@ -85,7 +85,7 @@ class Recording(Shown):
     """Share of that period in which a limit of the motor cuts the command."""
     beyond_stop: Column = field(unit="rad", side="joint")
     """Angle by which a joint of the coupled plant exceeds its stops; 0 within them and on the axis
-    plant. Stops do not act in the simulation."""
+    plant. Stops push back with `plant.stops` alone."""
     q_measured: Column | None = field(None, unit="rad", side="joint")
     """Position that the encoders measure, on motors or links of elastic joints; not in files."""
     v_measured: Column | None = field(None, unit="rad/s", side="joint")

@@ -1,7 +1,7 @@
 """A run as data (robot, motion, plant, controller, disturbance), read from and written to YAML."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,8 +28,10 @@ from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import Sign
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.robot.robot import DEFAULT_ROBOT
+from sdt_drake.robot.stops import Stops
 from sdt_drake.run.choice import OfKind, plain_pi
 from sdt_drake.run.options import ControllerOptions
+from sdt_drake.run.simulation import SimulationChoice
 
 PlantKind = Literal["axis", "coupled"]
 
@@ -48,6 +50,8 @@ class PlantChoice(Input):
     """Friction in the joints; none by default."""
     elasticity: Elasticity = field(Elasticity)
     """Elasticity of the joints; rigid by default."""
+    stops: Stops = field(Stops)
+    """Stops of the joints that push back; without them a run only says where it passes a stop."""
     deviation: Deviation = field(Deviation)
     """Deviations of the simulated robot from the SDF. Planner and controller do not use them. None
     by default."""
@@ -55,6 +59,8 @@ class PlantChoice(Input):
     def problems(self) -> Problems:
         if self.kind == "coupled" and self.i_eff is not None:
             yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
+        if self.kind == "axis" and not self.stops.is_none:
+            yield "stops", "the axis plant has none; remove, or set kind coupled"
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,8 @@ class Scenario(Input, Shown):
     """"table": load torques are computed before the run. "online": a block computes them."""
     accuracy: Number = field(0.0001, ge=1e-12, le=0.01, unit="rad/s")
     """Accuracy of simulated speeds. Positions are accurate to a tenth of its value in rad."""
+    simulation: SimulationChoice = field(SimulationChoice)
+    """The integrator of a run."""
     plant: PlantChoice = field(PlantChoice)
     """The simulated plant."""
     drive: Drive = field(Drive)
@@ -112,7 +120,15 @@ class Scenario(Input, Shown):
     disturbance: DisturbanceChoice = field(DisturbanceChoice)
     """Load torque that is missing in the model; none by default."""
 
+    def complete(self) -> None:
+        own, default = self.simulation, type(self).accuracy
+        if own.accuracy is not None and self.accuracy in (default, own.accuracy):
+            vars(self).update(accuracy=own.accuracy, simulation=replace(own, accuracy=None))
+
     def problems(self) -> Problems:
+        if self.simulation.accuracy is not None:
+            text = f"{self.simulation.accuracy:g}, but accuracy is {self.accuracy:g}"
+            yield "simulation.accuracy", f"{text}; expected one of them"
         controller, fastest = self.controller, 100 / self.period
         if controller.kp is None and controller.omega_r is None:
             yield "controller.omega_r", "missing, the gains need it, or kp and ki"

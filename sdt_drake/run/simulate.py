@@ -25,6 +25,7 @@ from sdt_drake.run.motor_torque import arrived, period_torque
 from sdt_drake.run.recorded import recorded
 from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
+from sdt_drake.run.simulation import BY_DEFAULT, SimulationChoice
 from sdt_drake.systems.wiring import systems_in
 
 if TYPE_CHECKING:
@@ -47,20 +48,25 @@ N_SLICES = 200
 
 
 def make_simulator(
-    diagram: Diagram, *, period: float, accuracy: float, realtime_rate: float = 0.0
+    diagram: Diagram,
+    *,
+    period: float,
+    accuracy: float,
+    realtime_rate: float = 0.0,
+    simulation: SimulationChoice = BY_DEFAULT,
 ) -> Simulator:
     """Make a simulator for samples every `period` [s]; it is not initialized.
 
-    The integrator is an error-controlled Runge-Kutta method of third order. Its largest step is a
-    little above the period: with the period itself, every few samples a second step of 1e-16 s
-    would follow.
+    By default the integrator is an error-controlled Runge-Kutta method of third order. Its largest
+    step is a little above the period: with the period itself, every few samples a second step of
+    1e-16 s would follow.
     """
-    simulator = Simulator(diagram)
+    simulator, largest = Simulator(diagram), simulation.max_step_size
     config = SimulatorConfig(
-        integration_scheme="runge_kutta3",
-        max_step_size=1.01 * period,
+        integration_scheme=simulation.integration_scheme,
+        max_step_size=1.01 * period if largest is None or largest >= period else largest,
         accuracy=accuracy,
-        use_error_control=True,
+        use_error_control=simulation.use_error_control,
         target_realtime_rate=realtime_rate,
     )
     ApplySimulatorConfig(config, simulator)
@@ -109,7 +115,11 @@ def simulate(
     if design.scenario.plant.kind == "axis":
         accuracy = max(accuracy / AXIS_ACCURACY_FACTOR, MIN_ACCURACY)
     simulator = make_simulator(
-        diagram, period=period, accuracy=accuracy, realtime_rate=realtime_rate
+        diagram,
+        period=period,
+        accuracy=accuracy,
+        realtime_rate=realtime_rate,
+        simulation=design.scenario.simulation,
     )
     context, own = simulator.get_mutable_context(), _own_context(loop, simulator)
     with own_code(design, loop.owner):

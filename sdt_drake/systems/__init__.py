@@ -17,6 +17,7 @@ vectors of length n unless the table gives another length:
     alleviating_torque   tau_alleviate of Algorithm 1, motor side [N m]
     disturbance          disturbance of the load torque, motor side [N m]
     friction             friction of the joints, motor side [N m]
+    stop_torque          torque of joints against their stops, motor side [N m]
     inertia_share        I_eff over its largest value [-]
     weighted_reference   reference with speeds times inertia_share, length 3n
     weighted_measured    measured with speeds times inertia_share, length 2n
@@ -36,6 +37,7 @@ from sdt_drake.systems.encoder import encoder
 from sdt_drake.systems.friction import joint_friction
 from sdt_drake.systems.gain_schedule import gain_schedule
 from sdt_drake.systems.inverse_dynamics import inverse_dynamics_controller
+from sdt_drake.systems.joint_stops import joint_stops
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.meter import add_meter, mean_torque
 from sdt_drake.systems.pi import pi_speed_controller

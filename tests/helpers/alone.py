@@ -7,6 +7,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.device import FrictionParameters, Springs
 from sdt_drake.robot.dynamics import Loads
+from sdt_drake.robot.stops import Stops
 from sdt_drake.systems.gains import SpeedGains
 
 PERIOD = 0.005  # s
@@ -24,6 +25,8 @@ FRICTION = FrictionParameters(
     presliding=1e-5,
     offset=np.array([-200.0, 40.0, 0.5]),
 )
+STOPS = Stops(stiffness=[5e4, 0.0, 30.0], damping=[600.0, 7.0, 0.1], restitution=0.6)
+LOWER, UPPER = np.array([-0.5, -0.1, -np.inf]), np.array([0.4, 0.2, 0.3])  # rad
 SPRINGS = Springs(
     elastic=np.array([True, False, True]),
     stiffness=np.array([9e5, 0.0, 4e3]),
@@ -61,6 +64,7 @@ ARGUMENTS = {
     "internal_model": {"model": FEELING},
     "inverse_dynamics_controller": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
     "joint_friction": {"friction": FRICTION, "gear_ratio": GEAR},
+    "joint_stops": {"stops": STOPS, "lower": LOWER, "upper": UPPER, "gear_ratio": GEAR},
     "LoadTorque": {"robot": None},
     "orientation_observer": {"model": FEELING},
     "pi_speed_controller": {"gains": GAINS, "gear_ratio": GEAR},

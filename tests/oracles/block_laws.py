@@ -148,6 +148,22 @@ def friction(x, state):
     return {"friction": force / GEAR}, rate / 100
 
 
+# Within and beyond the stops, pressed and released, quickly and slowly.
+@case("joint_stops", scales={"state": np.repeat([0.8, 0.02], N)})
+def stops(x, state):
+    q, v = np.split(state, 2)
+    torque = np.zeros(N)
+    for k, stiffness, damping in ((0, 5e4, 600.0), (2, 30.0, 0.1)):
+        for sign, stop in ((1, alone.UPPER[k]), (-1, alone.LOWER[k])):
+            depth, w = sign * (q[k] - stop), sign * v[k]
+            if depth > 0:
+                share = 1 if w > 0 else 0.36 if w < -0.02 else 1 + 0.64 * w / 0.02
+                torque[k] += sign * max(
+                    stiffness * depth * share + damping * min(depth / 1e-5, 1) * w, 0
+                )
+    return {"stop_torque": torque / GEAR}, None
+
+
 ALL = Springs(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
 
 

@@ -140,6 +140,7 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
             (f"with the inertia {inertia} kg m² on the motors", inertia),
             ("with friction", not plant.friction.is_none),
             ("with elastic joints", not plant.elasticity.is_rigid),
+            ("with stops that push back", not plant.stops.is_none),
             ("with deviations", robot is not design.device.nominal),
             ("with a disturbance", scenario.disturbance.amplitude),
         ),

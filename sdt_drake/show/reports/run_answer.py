@@ -81,7 +81,8 @@ def _notes(run: Compared, response: FrequencyResponse | str, names: list[str]) -
         unstable = [names[k] for k in np.flatnonzero(~response.stable).tolist()]
         text = said("**Loops:** unstable in linear analysis: {}.", "; ".join(unstable))
         yield text if unstable else _margins(response)
-    for line in stops_passed(run.recording, run.design.device.simulated.joint_names):
+    stiffness = run.design.scenario.plant.stops.stiffness
+    for line in stops_passed(run.recording, run.design.device.simulated.joint_names, stiffness):
         yield said("**Note:** {}.", line)
 
 
