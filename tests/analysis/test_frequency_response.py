@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from oracles.by_hand import GEAR, ROTORS
 from oracles.python_control import crossings_of, pi_loop, process
 
-from sdt_drake.analysis.frequency_response import frequency_response
+from sdt_drake.analysis.frequency_response import frequency_response, unwrapped_degrees
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
@@ -130,3 +130,25 @@ def test_margins_are_where_a_mode_comes_to_its_stability_limit(designed, fields,
         loop, outwards = linearise(design, int(response.sample[k])), np.sign(factors[k] - 1)
         assert fastest_growth(loop, k, factors[k] * (1 - 0.01 * outwards)) < 1e-9
         assert fastest_growth(loop, k, factors[k] * (1 + 0.01 * outwards)) > 1e-4
+
+
+# --- phases ----------------------------------------------------------------------------------
+
+
+@settings(max_examples=10, phases=[Phase.generate])
+@given(GENERATORS)
+def test_unwrapped_phase_has_no_jumps_and_is_that_of_the_response(rng):
+    """At the last crossover, or the end if there is none, it lies between -270 and 90 deg."""
+    omega = np.geomspace(0.01, 100, 2000)
+    s = 1j * omega[:, None]
+    zeros, poles = rng.uniform(0.05, 20, (2, 3, 6))
+    factors = (s + zeros[:, None]) / (s + poles[:, None]) / s ** rng.integers(0, 2, (3, 1, 1))
+    response = np.prod(factors, axis=0) * rng.choice([-1, 1], 6) * 10 ** rng.uniform(-9, 1, 6)
+    for at_crossover in (False, True):
+        phase = unwrapped_degrees(response, at_crossover=at_crossover)
+        assert np.abs(np.diff(phase, axis=0)).max() < 5
+        np.testing.assert_allclose(np.exp(1j * np.radians(phase)), response / np.abs(response))
+    above = [np.flatnonzero(np.abs(x) >= 1) for x in response.T]
+    last = [i[-1] if len(i) else -1 for i in above]
+    assert np.all(np.abs(phase[last, range(6)] + 90) <= 180 + 1e-9)
+    assert np.all(np.abs(unwrapped_degrees(response)[0]) <= 180 + 1e-9)

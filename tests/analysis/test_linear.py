@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.variants import kind
+from oracles.by_hand import GEAR
 from oracles.two_mass import held
 
 from sdt_drake.analysis.frequency_response import frequency_response
@@ -30,6 +31,22 @@ def matrices(robot, q):
     stiffness = [(gravity(q + h * e) - gravity(q - h * e)) / (2 * h) for e in np.eye(len(q))]
     plant.SetPositions(context, q)
     return plant.CalcMassMatrix(context), np.transpose(stiffness)
+
+
+def test_each_joint_is_judged_at_its_largest_inertia_with_the_other_loops_closed(designed):
+    """v = s (M s² + K + s C)^-1 tau, of the mass matrix M and what gravity changes with q, K."""
+    design = designed("coupled_pi")
+    response = frequency_response(design, points=60)
+    s, gains = 1j * response.omega, design.tuning.gains
+    per_speed = (gains.kp + gains.ki / s[:, None]) * GEAR**2  # joint side
+    for k, sample in enumerate(response.sample):
+        inertia = design.torques.d_kk[:, k]
+        assert inertia[sample] == pytest.approx(inertia.max(), rel=1e-9)
+        M, K = matrices(design.device.simulated, design.reference.tracked.q[sample])
+        others = np.eye(4) * (per_speed * (np.arange(4) != k))[:, None, :]
+        A = M * s[:, None, None] ** 2 + K + s[:, None, None] * others
+        v = s * np.linalg.inv(A)[:, k, k]
+        np.testing.assert_allclose(response.loop_gain[:, k], per_speed[:, k] * v, rtol=1e-5)
 
 
 # --- inverse dynamics ------------------------------------------------------------------------

@@ -1,7 +1,11 @@
 """Gains against Table 1 and the roots of Eq. 5."""
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.systems.gains import damping_ratio, natural_frequency, oscillation_frequency, tune
 
 OMEGA_R = 65.991  # rad/s = 10.5028 Hz
@@ -23,3 +27,26 @@ def test_gains_and_damping_of_table_1():
     np.testing.assert_allclose(damping, [1.23, 1.18, 1.03, 1.099], rtol=0, atol=0.01)
     share = oscillation_frequency(gains, I_EFF_MAX) / natural_frequency(gains, I_EFF_MAX)
     np.testing.assert_allclose(share[0], 0.312, rtol=0, atol=5e-4)  # not 0.32, as printed
+
+
+POSITIVE = st.floats(1e-2, 1e3)
+
+
+@given(POSITIVE, POSITIVE, st.floats(0.1, 3), st.floats(0.1, 2), st.floats(0.1, 5))
+def test_frequencies_and_damping_are_those_of_the_roots(i_max, omega_r, zeta, ratio, share):
+    """Those of s² + K_PS / I s + K_IS / I, at the largest inertia and at a share of it."""
+    gains, i_eff = tune([i_max], omega_r, zeta, ratio), share * i_max
+    assert natural_frequency(gains, [i_max]) == pytest.approx(ratio * omega_r, rel=1e-12)
+    assert damping_ratio(gains, [i_max]) == pytest.approx(zeta, rel=1e-12)
+    roots = np.roots([1, gains.kp[0] / i_eff, gains.ki[0] / i_eff])
+    omega_n, sigma = np.sqrt(np.prod(roots).real), -roots.real.sum() / 2
+    assert natural_frequency(gains, [i_eff]) == pytest.approx(omega_n, rel=1e-9)
+    assert damping_ratio(gains, [i_eff]) == pytest.approx(sigma / omega_n, rel=1e-9)
+    turns = np.abs(roots.imag).max()
+    assert oscillation_frequency(gains, [i_eff]) == pytest.approx(turns, abs=1e-6 * omega_n)
+
+
+@pytest.mark.parametrize("omega_r, word", [(1e-170, "too small"), (1e170, "too large")])
+def test_gains_beyond_numbers_are_refused(omega_r, word):
+    with pytest.raises(InputError, match=word):
+        tune([1.0], omega_r, 1.0)
