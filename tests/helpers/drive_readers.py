@@ -1,10 +1,12 @@
 """Readers of the files that an export writes, as a drive or a controller would read them."""
 
 import json
+import re
 
 import numpy as np
 
 from sdt_drake.machine.drive_files import Samples, SetPoints
+from sdt_drake.machine.drive_files.drives import OBJECTS
 from sdt_drake.machine.drive_files.formats import samples_from_cam
 
 
@@ -13,6 +15,16 @@ def read_csv(path, drives) -> SetPoints:
     names, table = _read_integers(path)
     assert table[:, 0].tolist() == list(range(len(table)))
     return _points(drives, dict(zip(names[1:], table[:, 1:].T, strict=True)))
+
+
+def read_st(path, drives) -> SetPoints:
+    """The arrays of a function block."""
+    pattern = r"(\w+)_(\d+) : ARRAY\[0\.\.(\d+)\] OF D?INT := \[([-\d,\s]*)\];"
+    objects, columns = {name: index for index, (name, *_) in OBJECTS.items()}, {}
+    for name, k, last, values in re.findall(pattern, path.read_text(encoding="utf-8")):
+        columns[f"{objects[name]}_{k}"] = np.array(values.split(","), dtype=np.int64)
+        assert len(columns[f"{objects[name]}_{k}"]) == int(last) + 1
+    return _points(drives, columns)
 
 
 def read_cam(path, robot, drives) -> Samples:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from helpers.drive_readers import read_cam, read_csv, read_trajectory
+from helpers.drive_readers import read_cam, read_csv, read_st, read_trajectory
 from markdown_it import MarkdownIt
 
 from sdt_drake.cli.app import main
@@ -241,6 +241,25 @@ def test_names_are_text_in_the_read_me(robot, motion, tmp_path):
     cells = ["".join(x.content for x in y.children) for y in tokens if y.type == "inline"]
     assert all(cells.count(name) == 2 for name in names)
     assert cells[0] == f"{names[0]}: set points for drives"
+
+
+def test_files_hold_what_the_loop_is_fed_from(robot, motion, tmp_path):
+    design = make_design(Scenario(controller=Pi(omega_r=66.0)), robot=robot, motion=motion)
+    drives = drives_with(sign=[1, -1, 1, -1], zero=[0, 7, -500, 2**20])
+    exported = write_files(design, drives, tmp_path, cam_points=50, title="x")
+    cam = read_cam(tmp_path / "cam.csv", robot, drives)
+    for read, made in (
+        (read_csv(tmp_path / "set_points.csv", drives), exported.points),
+        (read_st(tmp_path / "set_points.st", drives), exported.points),
+        (read_trajectory(tmp_path / "trajectory.yaml", robot), exported.own),
+        (cam, formats.samples_from_cam(robot, drives, exported.cam)),
+    ):
+        for name, values in vars(made).items():
+            np.testing.assert_allclose(getattr(read, name), values, rtol=1e-9, err_msg=name)
+    np.testing.assert_allclose(cam.q, exported.samples.q, atol=1e-4)
+    np.testing.assert_array_equal(exported.own.q, motion.q)
+    back = samples_from(robot, drives, exported.points, motion.q[0])
+    np.testing.assert_allclose(back.q, exported.samples.q, atol=2e-5)  # 2**20 / turn, and drift
 
 
 # --- what a loop makes of the files ------------------------------------------------------------

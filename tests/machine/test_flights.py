@@ -1,5 +1,7 @@
 """Recordings of flights: columns, units, axes, levers, and suspicions."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers.strategies import GENERATORS
@@ -77,3 +79,19 @@ def test_means_around_a_time_keep_the_integral():
     whole = np.trapezoid(flight.specific_force, flight.time, axis=0)
     inside = 0.2 * force[20:391].sum(axis=0) - 0.1 * (force[20] + force[390])
     np.testing.assert_allclose(inside, whole, rtol=2e-3)
+
+
+NO_FLIGHT = [
+    ([0.0, 0.1, 0.1], 3, "time: expected at least 2 samples, each later than the one before"),
+    ([0.0], 3, "time: expected at least 2 samples"),
+    ([0.0, 0.1, 5.0], 3, "time: 4.9 s between samples at 0.1 s, expected at most"),
+    (np.linspace(0, 3700, 9000), 3, "time: 3700 s, expected at most 3600 s"),
+    ([0.0, 0.1], 2, "specific_force: shape (2, 2), expected (2, 3)"),
+]
+
+
+@pytest.mark.parametrize("time, axes, message", NO_FLIGHT, ids=[case[-1] for case in NO_FLIGHT])
+def test_arrays_that_are_no_flight_are_refused(time, axes, message):
+    values = np.ones((len(time), axes))
+    with pytest.raises(InputError, match="^" + re.escape(message)):
+        make_flight(np.array(time), values, values)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.robots import chain_sdf, loaded
+from oracles.pinocchio_model import pinocchio_torque
 from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 
@@ -112,6 +113,32 @@ def test_an_interrupt_keeps_the_best_so_far(robot, onset):
     assert found.numbers["interrupted"] and len(found.front) == 1
     assert len(found.numbers["starts"]) == 1
     assert used(robot, found.motion).max() < 0.95 * 1.01
+
+
+BAD = [
+    ({"knot": 3.0}, "knot: 3 s, expected at most 1 s"),
+    ({"knot": 0.0123}, "knot: 0.0123 s is not a whole multiple of the period 0.005 s"),
+    ({"approach": -1.0}, "approach: -1.0, expected a finite number > 0"),
+    ({"idle_g": 0.5}, "idle_g: 0.5 G, expected 1 to 10 G"),
+    ({"g_weight": 0.0}, "g_weight: 0.0, expected"),
+    ({"torque_margin": 1.2}, "torque_margin: 1.2, expected"),
+]
+
+
+@pytest.mark.parametrize("options, told", BAD, ids=[case[-1] for case in BAD])
+def test_bad_options_of_fly_are_refused_before_any_search(robot, onset, options, told):
+    with pytest.raises(InputError, match=f"^{told}"):
+        fly(robot, onset, **options)
+
+
+def test_pinocchios_torques_of_a_flown_motion_are_within_the_limits(robot, flown):
+    motion, every = flown.motion, 7
+    q, v, vd = (x[::every] for x in (motion.q, motion.v, motion.vd))
+    links = [pinocchio_torque(robot, *row) for row in zip(q, v, vd, strict=True)]
+    torque = np.array(links) + vd * robot.reflected_inertia
+    np.testing.assert_allclose(torque, inverse_dynamics(robot, q, v, vd), rtol=1e-6, atol=1e-3)
+    share = np.abs(torque).max(axis=0) / robot.effort_limit
+    assert 0.85 < share.max() < 0.95 * 1.01
 
 
 def test_forces_across_the_head_weigh_twice_their_thresholds(robot):

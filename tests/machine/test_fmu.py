@@ -1,14 +1,17 @@
 """Loops as FMUs, which FMPy runs, beside the same loops run here."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.variants import kind
+from helpers.command_line import SHORT
+from helpers.variants import kind, overruled
 from oracles.fmu_player import PERIOD, running
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.fmu import write_fmu
 from sdt_drake.pilot.head import head_motion
 from sdt_drake.robot.device import Friction
@@ -88,3 +91,65 @@ def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path
         found = np.array([fmu.get("q") for fmu in fmus])
     np.testing.assert_allclose(found, [here(own) for own in parameters], atol=1e-6)
     assert np.abs(np.diff(found, axis=0)).max(axis=1).min() > 1e-3
+
+
+@pytest.fixture(scope="module")
+def short(designed, tmp_path_factory):
+    """The same loop with a motion of 0.5 s, as an FMU."""
+    folder = tmp_path_factory.mktemp("short")
+    (folder / "short.yaml").write_text(SHORT)
+    fields = ONLINE | {"motion": str(folder / "short.yaml")}
+    write_fmu(designed("coupled_pi", fields, end=0.5), folder / "loop.fmu", "reference")
+    return folder / "loop.fmu"
+
+
+def test_a_bad_step_is_an_error_with_a_text_and_the_fmu_goes_on(short, capfd):
+    with running(short) as fmu:
+        fmu.begin()
+        for name, value, period, text in (
+            ("q_ref", np.nan, PERIOD, "q_ref: [nan, nan, nan, nan], expected finite numbers"),
+            (
+                "vd_ref",
+                0.0,
+                0.003,
+                "step size: 0.003 s is not a whole multiple of the period 0.005",
+            ),
+        ):
+            fmu.put(name, [value] * 4)
+            with pytest.raises(Exception, match="fmi2DoStep failed"):
+                fmu.step(period)
+            assert text in capfd.readouterr().out
+            fmu.put(name, np.zeros(4))
+        fmu.step()
+
+
+@pytest.mark.parametrize(
+    "start, parameters, text",
+    [
+        (1.0, {}, "start time 1 s, expected 0"),
+        (0.0, {"viscous_friction": [-1.0] * 4}, "viscous[1]: -1.0, expected a number >= 0"),
+        (0.0, {"payload_mass": [np.nan]}, "payload_mass: [nan], expected finite numbers"),
+    ],
+)
+def test_an_fmu_that_begins_with_bad_numbers_makes_no_step(short, capfd, start, parameters, text):
+    with running(short) as fmu:
+        fmu.begin(start, **parameters)
+        with pytest.raises(Exception, match="fmi2DoStep failed"):
+            fmu.step()
+    assert text in capfd.readouterr().out
+
+
+def test_a_loop_that_cannot_be_an_fmu_is_refused(designed, tmp_path):
+    """Its torques are known along the planned motion alone; its controller is a file of Python."""
+    design = designed("coupled_pi", kind("p_pi+id"), end=0.1)
+    with pytest.raises(InputError, match="^reference: 'external', but feedforward_table is"):
+        write_fmu(design, tmp_path / "loop.fmu", "reference")
+    with pytest.raises(InputError, match="^inputs: 'speed', expected one of torque, reference"):
+        write_fmu(design, tmp_path / "loop.fmu", "speed")
+    own = overruled(design.scenario.controller, file="own.py")
+    own = replace(design, scenario=overruled(design.scenario, controller=own))
+    with pytest.raises(
+        InputError, match=r"controller\.file: own\.py, but an FMU runs no such code"
+    ):
+        write_fmu(own, tmp_path / "loop.fmu")
+    assert not any(tmp_path.iterdir())

@@ -8,6 +8,7 @@ from helpers.strategies import GENERATORS
 from hypothesis import given
 from hypothesis import strategies as st
 from oracles.dh import DATA, UR10, needs_data
+from scipy.io import savemat
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.procedure import identify
@@ -195,3 +196,18 @@ def test_empty_columns_and_a_line_that_was_cut_off(tmp_path, table, robot):
         logged(tmp_path, [*empty[:2], empty[2][:40], *empty[3:]], robot)
     with pytest.raises(InputError, match="line 6: tau_1 is nan"):
         logged(tmp_path, [*empty[:-1], lines[-1].replace(lines[-1].split(",")[5], "") + ","], robot)
+
+
+def test_matlab_files_of_others_are_read_by_the_proposed_mapping(tmp_path, table, robot):
+    """Signals in a structure, joints by rows or by columns, and matrices of no concern."""
+    log = {"q": table[:, 1:5].T, "torque": table[:, 5:]}
+    data = {"log": log, "t": table[:, 0], "Ts": 0.01, "masses": np.ones((2, 3))}
+    savemat(tmp_path / "r.mat", data)
+    with pytest.raises(InputError) as error:
+        read_recording(tmp_path / "r.mat", robot)
+    mapping = tmp_path / "columns.yaml"
+    mapping.write_text(str(error.value).partition("mapping file (columns=...): ")[2], "utf-8")
+    recorded = read_recording(tmp_path / "r.mat", robot, load_columns(mapping))
+    np.testing.assert_array_equal(recorded.time, table[:, 0])
+    np.testing.assert_array_equal(recorded.signals["q"], table[:, 1:5])
+    np.testing.assert_array_equal(recorded.signals["tau"], table[:, 5:])

@@ -4,13 +4,15 @@ import re
 
 import numpy as np
 import pytest
+from oracles import dh
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.spikes import without_spikes
 from sdt_drake.machine.recordings import Recorded, read_recording
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
-from sdt_drake.run.scenario import Drive, Friction
+from sdt_drake.run.controllers import Pi
+from sdt_drake.run.scenario import Drive, Friction, PlantChoice, Scenario, save_scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.reports.replay import replay_findings, tables
 
@@ -232,3 +234,36 @@ def test_what_was_ignored_on_reading_is_told(designed, tmp_path):
     path.write_text(path.read_text()[:-30])
     result = replayed(made, read_recording(path, made.device.simulated))
     assert any("last line is incomplete" in line for line in replay_findings(result))
+
+
+# --- a real robot ----------------------------------------------------------------------------
+
+
+@dh.needs_data
+def test_the_kuka_under_the_gains_of_its_data_set(good, desk, undrawn):
+    """Their law is a PI speed loop with both gains on the error. Torques agree by and large; the
+    wrist's errors are far larger than these gains leave, and the controller alone tells why."""
+    table, ratio = dh.KUKA_KR300, np.array(dh.KUKA_KR300.gear_ratio)
+    speed_gain = np.array([1046.4, 1137.6, 1073.4, 63.12, 68.44, 44.08])
+    coulomb, viscous = [1.6, 2.1, 2.0, 0.62, 0.41, 0.67], [7.0, 6.9, 5.3, 0.75, 2.4, 2.5]
+    friction = Friction(coulomb=list(ratio * coulomb), viscous=list(ratio * viscous))
+    gains = {"kp": list(speed_gain / ratio), "ki": list(572.96 / ratio)}
+    scenario = Scenario(
+        robot=str(table.write(desk)),
+        period=0.004,
+        plant=PlantChoice(kind="coupled", friction=friction),
+        controller=Pi(setpoint_weight=1, **gains),
+    )
+    save_scenario(scenario, desk / "kuka.yaml")
+    (desk / "columns.yaml").write_text(
+        "q: ['q_motor_{k}']\ntau: ['motor_torque_{k}']\ntau_ff: ['motor_feedforward_{k}']\n"
+        "side: motor\n"
+    )
+    lines = (dh.DATA / "kuka_kr300/recording_B.csv").read_text().splitlines()[:801]
+    (desk / "b.csv").write_text("\n".join(lines))
+    said = good("replay", "b.csv", "kuka.yaml", "--columns", "columns.yaml", "--out", "out").out
+    assert "the recorded torque feedforward replaces the controller's own" in said
+    assert "controller commands joint 4, 5, 6 a torque with an error" in said
+    rows = {row.split("  ")[0]: row.split()[-6:] for row in said.splitlines()}
+    del rows["motor torque"][1]  # of the joint with a counterbalance, which this model lacks
+    assert all(float(share) > 40 for share in rows["motor torque"])

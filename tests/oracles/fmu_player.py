@@ -29,8 +29,8 @@ class Fmu:
         self.slave.instantiate(loggingOn=True)
         self._steps = 0
 
-    def begin(self, **parameters):
-        self.slave.setupExperiment(startTime=0.0)
+    def begin(self, start=0.0, **parameters):
+        self.slave.setupExperiment(startTime=start)
         self.slave.enterInitializationMode()
         for name, values in parameters.items():
             self.put(name, values)
