@@ -142,9 +142,9 @@ def test_an_fmu_that_begins_with_bad_numbers_makes_no_step(short, capfd, start, 
 def test_a_loop_that_cannot_be_an_fmu_is_refused(designed, tmp_path):
     """Its torques are known along the planned motion alone; its controller is a file of Python."""
     design = designed("coupled_pi", kind("p_pi+id"), end=0.1)
-    with pytest.raises(InputError, match="^reference: 'external', but feedforward_table is"):
+    with pytest.raises(InputError, match=r"^reference: 'external', but feedforward_table is"):
         write_fmu(design, tmp_path / "loop.fmu", "reference")
-    with pytest.raises(InputError, match="^inputs: 'speed', expected one of torque, reference"):
+    with pytest.raises(InputError, match=r"^inputs: 'speed', expected one of torque, reference"):
         write_fmu(design, tmp_path / "loop.fmu", "speed")
     own = overruled(design.scenario.controller, file="own.py")
     own = replace(design, scenario=overruled(design.scenario, controller=own))

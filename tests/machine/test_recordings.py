@@ -205,8 +205,9 @@ def test_matlab_files_of_others_are_read_by_the_proposed_mapping(tmp_path, table
     savemat(tmp_path / "r.mat", data)
     with pytest.raises(InputError) as error:
         read_recording(tmp_path / "r.mat", robot)
-    mapping = tmp_path / "columns.yaml"
-    mapping.write_text(str(error.value).partition("mapping file (columns=...): ")[2], "utf-8")
+    mapping, text = tmp_path / "columns.yaml", str(error.value)
+    assert "log.torque" in text
+    mapping.write_text(text.partition("mapping file (columns=...): ")[2], "utf-8")
     recorded = read_recording(tmp_path / "r.mat", robot, load_columns(mapping))
     np.testing.assert_array_equal(recorded.time, table[:, 0])
     np.testing.assert_array_equal(recorded.signals["q"], table[:, 1:5])
