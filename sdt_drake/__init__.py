@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.loop_step import step
     from sdt_drake.analysis.stability import stability
     from sdt_drake.analysis.tracking import track
-    from sdt_drake.analysis.tuning import tune
     from sdt_drake.io.errors import InputError
     from sdt_drake.machine.cueing.procedure import fly
     from sdt_drake.machine.drive_files.export import export
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
     from sdt_drake.robot.robot import load_robot
     from sdt_drake.run.controllers import Controller, ControllerOptions, register_controller
     from sdt_drake.run.design import make_design as design
+    from sdt_drake.run.design import tune
     from sdt_drake.run.loop import make_loop as loop
     from sdt_drake.run.recording import Recording
     from sdt_drake.run.scenario import Scenario
@@ -58,7 +58,7 @@ _PLACES = {
     "design": "run.design:make_design",
     "loop": "run.loop:make_loop",
     "simulate": "run.simulate:simulate",
-    "tune": "analysis.tuning:tune",
+    "tune": "run.design:tune",
     "bode": "analysis.frequency_response:bode",
     "identify": "machine.identify.procedure:identify",
     "judge": "machine.identify.judge:judge",

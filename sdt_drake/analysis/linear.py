@@ -15,7 +15,6 @@ from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.run.controllers import feedback_of
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device import make_device, measured_port, viscous_only
 from sdt_drake.run.scenario import Scenario
@@ -235,7 +234,7 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
         InputError: the controller cannot be linearised.
     """
     n = design.device.simulated.n
-    controller = feedback_of(design).linear(design, sample)
+    controller = design.scenario.controller.linear(design, sample)
     at = np.concatenate([design.reference.tracked.q[sample], np.zeros(n)])
     resting = {"reference": np.append(at, np.zeros(n)), "measured": at, "sampled_state": at}
     context = controller.CreateDefaultContext()

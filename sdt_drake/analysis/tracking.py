@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.metrics import columns_of
 from sdt_drake.io.arguments import instance_of
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
@@ -65,8 +65,7 @@ def track(recording: Recording, motion: Motion | None = None) -> Tracking:
     instance_of(Recording, "sdt_drake.simulate")(recording, "recording")
     if motion is not None:
         instance_of(Motion)(motion, "motion")
-        text = "track(run, motion) is track(run), and goes in 0.7"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        renamed("track(run, motion)", "track(run)")
     error = recording.speed_error
     steady = constant_speed_segments(recording.v_ref, recording.time[1] - recording.time[0])
     in_segments = np.where(steady, np.abs(error), -np.inf).max(axis=0)

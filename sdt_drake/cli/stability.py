@@ -37,7 +37,6 @@ def run(
             plant.elasticity, or 0.01)
         out: file for the sweeps (.csv, .json), or for a figure of them (.png, .svg, .pdf)
     """
-    from sdt_drake.run.controllers import feedback_of
 
     common.check_out(out, show, RESULT_TABLES)
     design = common.design_of(scenario, given.changes)
@@ -45,7 +44,7 @@ def run(
     name, choice = design.scenario.name, design.scenario.controller
     for encoder in found.sweeps:
         echo(f"{name}, encoder on the {encoder}: {found.verdict(encoder)}")
-    echo(f"{choice.label}: {feedback_of(design).in_words(design)}")
+    echo(f"{choice.label}: {choice.in_words(design)}")
     echo(
         f"elastic joints: omega_r = {found.omega_r:g} rad/s ({_source(design, omega_r)}), "
         f"damping ratio {found.damping_ratio:g}"

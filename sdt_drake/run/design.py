@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -12,6 +11,7 @@ import numpy as np
 
 from sdt_drake.io.arguments import instance_of, takes
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.shown import Shown, Summary, higher, of_joints
@@ -267,8 +267,7 @@ class Design(Shown):
             """Return what had this name up to 0.4."""
             if name not in _OLD_NAMES:
                 raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-            text = f"design.{name} is design.{_OLD_NAMES[name]}, and goes in 0.7"
-            warnings.warn(text, DeprecationWarning, stacklevel=2)
+            renamed(f"design.{name}", f"design.{_OLD_NAMES[name]}")
             return attrgetter(_OLD_NAMES[name])(self)
 
 
@@ -344,6 +343,20 @@ def as_design(design: Design | Scenario) -> Design:
     made_by = "sdt_drake.design, or a Scenario, as sdt_drake.load"
     instance_of(Design, made_by)(design, "design")
     return design.checked()
+
+
+def tune(design: Design | Scenario) -> dict[str, Array]:
+    """Return `design.tuning.numbers`; deprecated, goes in 0.7.
+
+    >>> import sdt_drake as sdt
+    >>> sdt.design(sdt.load("axis_pi")).tuning.numbers["ki"].round()  # [N m/rad], motor side
+    array([  4640., 107000., 867000., 273000.])
+
+    Raises:
+        InputError: if `design` is neither a scenario nor its design, or cannot be resolved.
+    """
+    renamed("sdt.tune(design)", "design.tuning.numbers")
+    return as_design(design).tuning.numbers
 
 
 # --- device ----------------------------------------------------------------------------------

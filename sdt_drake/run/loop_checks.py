@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import cast
 
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.arguments import instance_of
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.controllers import in_errors, make_controller
 from sdt_drake.run.controllers.base import LOOP_SIGNALS
@@ -45,11 +45,7 @@ def checked_controller(design: Design, owner: type, controller: System) -> Syste
     inputs = map(controller.get_input_port, range(controller.num_input_ports()))
     for name, size in [(port.get_name(), port.size()) for port in inputs]:
         if name == "state":
-            warnings.warn(
-                f"{where}: its input 'state' is called 'measured', and works until 0.7",
-                DeprecationWarning,
-                stacklevel=2,
-            )
+            renamed(f"{where}: its input 'state'", "'measured'")
         elif name not in LOOP_SIGNALS:
             raise InputError(
                 f"{where}: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"

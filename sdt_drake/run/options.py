@@ -1,26 +1,24 @@
 """Options of controllers as data, and all controllers by their kind."""
 
 import traceback
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError, one_line
-from sdt_drake.io.fields import (
-    EachJoint,
-    FileOf,
-    Input,
-    Number,
-    Positive,
-    Problems,
-    Text,
-    field,
-)
+from sdt_drake.io.fields import EachJoint, FileOf, Input, Number, Positive, Problems, Text, field
 from sdt_drake.io.trust import trusted_code
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.systems.gains import STRUCTURES, FeedforwardKind
+
+if TYPE_CHECKING:
+    from pydrake.systems.framework import Context, System
+
+    from sdt_drake.io.arrays import Array
+    from sdt_drake.motion import Motion
+    from sdt_drake.run.design import Design
 
 LINKS, MOTORS = "links' masses and geometry", "motors' inertia"
 LARGEST_INERTIA = "largest inertia of each joint"
@@ -95,10 +93,49 @@ class ControllerOptions(Input):
         return (*self.needs, *_FEEDFORWARD_NEEDS[self.feedforward_in_use], *friction)
 
     @property
+    def title(self) -> str:
+        """Name of the controller in messages: its class."""
+        return type(self).__name__
+
+    def feedback(self, design: "Design") -> "System":
+        """Make the feedback of a design, from signals of the loop to `tau_fb` or `tau_cmd`."""
+        raise NotImplementedError
+
+    def linear(self, design: "Design", sample: int) -> "System":
+        """Make the feedback alone, around a sample of the motion, for linear analysis.
+
+        Raises:
+            InputError: if there is no feedback that Drake can linearise.
+        """
+        text = f"controller.kind {self.kind}: has no linear feedback (Controller.linear)"
+        raise InputError(text)
+
+    def start(
+        self,
+        system: "System",
+        context: "Context",
+        design: "Design",
+        tau: "Array",
+        start: "Motion | None",
+    ) -> None:
+        """Set the state of the feedback so that its output is a torque in steady motion.
+
+        Args:
+            system: the system that `feedback` made.
+            context: a context of the system.
+            design: the design of the loop.
+            tau: the output, motor side [N m], shape (n,).
+            start: a motion of one sample, without acceleration; None for the first of the motion.
+        """
+
+    def in_words(self, design: "Design") -> str:
+        """Describe the feedback of a design in words."""
+        return self.title
+
+    @property
     def structure(self) -> str | None:
         """Old word for the set-point weight; None if it is neither 0 nor 1."""
-        text = "controller.structure is deprecated and goes in 0.7, read setpoint_weight"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        renamed("controller.structure", "controller.setpoint_weight")
         weight = getattr(self, "setpoint_weight", 1.0)
         return next((word for word, b in STRUCTURES.items() if b == weight), None)
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import threading
-import warnings
 from collections.abc import Mapping, Sequence
 from traceback import extract_tb
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -14,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from sdt_drake.io.arguments import finite_number, instance_of
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.motion import Motion
@@ -27,9 +26,6 @@ from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulation import BY_DEFAULT, SimulationChoice
 from sdt_drake.systems.wiring import systems_in
-
-if TYPE_CHECKING:
-    pass
 
 AXIS_ACCURACY_FACTOR = 20.0
 """Factor by which accuracy is tightened on the axis plant.
@@ -202,8 +198,7 @@ def _loop_and_diagram(
         if design not in (loop, loop.design, loop.design.scenario):
             name = loop.diagram.get_name()
             raise InputError(f"{name!r}, expected the loop of the design", place="diagram")
-        text = "simulate(design, loop) is simulate(loop), and goes in 0.7"
-        warnings.warn(text, DeprecationWarning, stacklevel=3)
+        renamed("simulate(design, loop)", "simulate(loop)", stacklevel=4)
         return loop, loop.diagram
     if diagram is not None:
         instance_of(Diagram, "DiagramBuilder.Build")(diagram, "diagram")

@@ -98,7 +98,9 @@ def test_the_old_words_for_the_weight_are_read_with_a_line(tmp_path, kind, word,
     with pytest.warns(FutureWarning, match=line) as warned:
         controller = load_scenario(tmp_path / "old.yaml").controller
     assert len(warned) == 1 and getattr(controller, "setpoint_weight", None) == weight
-    with pytest.warns(DeprecationWarning, match="read setpoint_weight"):
+    with pytest.warns(
+        DeprecationWarning, match="structure is controller.setpoint_weight now, and goes in 0.7"
+    ):
         assert controller.structure == ("pi" if weight != 0 else word)
 
 

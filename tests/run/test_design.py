@@ -180,7 +180,7 @@ def test_names_of_a_design_up_to_0_4_work_and_warn(designed):
     design = designed("coupled_pi_ctc", end=0.1)
     for old, new in _OLD_NAMES.items():
         with pytest.warns(
-            DeprecationWarning, match=rf"design\.{old} is design\.{new}, and goes in"
+            DeprecationWarning, match=rf"design\.{old} is design\.{new} now, and goes in"
         ):
             assert np.all(getattr(design, old) == attrgetter(new)(design))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):

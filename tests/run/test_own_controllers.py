@@ -122,12 +122,12 @@ RESTS = "    def rest(self, context, tau, start=None):\n        self.rested = [t
         (
             '"measured"',
             '"state"',
-            rf"{CLASS}: its input 'state' is called 'measured', .* until 0\.7",
+            rf"{CLASS}: its input 'state' is 'measured' now, and goes in 0\.7",
         ),
         (
             "    def _calc",
             f"{RESTS}    def _calc",
-            r"Proportional\.rest is deprecated and goes in 0\.7, name it set_steady_state",
+            r"Proportional\.rest is set_steady_state now, and goes in 0\.7",
         ),
     ],
     ids=["state", "rest"],

@@ -76,7 +76,7 @@ def test_a_loop_behind_its_design_or_scenario_is_simulated_and_warns(designed):
     loop = make_loop(designed("axis_pi", end=0.1))
     for of in (loop.design, loop.design.scenario):
         with pytest.warns(
-            DeprecationWarning, match=r"is simulate\(loop\), and goes in 0\.7"
+            DeprecationWarning, match=r"is simulate\(loop\) now, and goes in 0\.7"
         ) as told:
             run = simulate(of, loop)
         assert told[0].filename == __file__

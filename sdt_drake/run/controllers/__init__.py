@@ -11,7 +11,7 @@ from pydrake.systems.primitives import PassThrough
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers.base import Controller, Feedback, feedback_of, start_own
+from sdt_drake.run.controllers.base import Controller, start_own
 from sdt_drake.run.controllers.inverse_dynamics import InverseDynamics
 from sdt_drake.run.controllers.p_pi import PositionGain, PPi
 from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId, PiLoops
@@ -35,7 +35,7 @@ def make_controller(design: Design) -> tuple[type, System]:
     Raises:
         InputError: if a controller of your own fails.
     """
-    choice = feedback_of(design)
+    choice = design.scenario.controller
     with own_code(design, type(choice)):
         return type(choice), choice.feedback(design)
 
@@ -49,7 +49,7 @@ def in_errors(design: Design, owner: type) -> str:
     """
     if owner is PassThrough:  # an input of the loop
         return "external controller"
-    choice = feedback_of(design)
+    choice = design.scenario.controller
     if owner is type(choice):
         return f"controller '{choice.kind}' (class {choice.title})"
     return f"controller (class {owner.__name__})"
@@ -90,7 +90,7 @@ def start_controller(
     if system.HasOutputPort("tau_fb"):  # the loop adds the feedforward
         added = design.tuning.feedforward
         tau_cmd = tau_cmd - (added.steady if start is None else added.steady_at(start))
-    choice = feedback_of(design)
+    choice = design.scenario.controller
     if owner is type(choice):
         choice.start(system, context, design, tau_cmd, start)
     else:

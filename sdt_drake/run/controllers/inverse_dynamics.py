@@ -3,18 +3,16 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 
-from sdt_drake.run.controllers.base import Feedback
 from sdt_drake.run.design import Design
-from sdt_drake.run.options import LINKS, MOTORS
+from sdt_drake.run.options import LINKS, MOTORS, ControllerOptions
 from sdt_drake.systems import inverse_dynamics_controller
 from sdt_drake.systems.gains import damping_ratio
-from sdt_drake.systems.wiring import build
 
 
 @dataclass(frozen=True)
-class InverseDynamics(Feedback):
+class InverseDynamics(ControllerOptions):
     """Computed torque from the state of all joints, sampled at the interpolation period.
 
     The law is that of `sdt_drake.systems.inverse_dynamics_controller` with the poles of the speed
@@ -33,19 +31,11 @@ class InverseDynamics(Feedback):
     plants = ("coupled",)
 
     def feedback(self, design: Design) -> Diagram:
-        builder = DiagramBuilder()
-        law = inverse_dynamics_controller(
-            model=design.device.model,
-            omega_n=design.tuning.omega_n,
-            zeta=damping_ratio(
-                design.tuning.gains, design.tuning.gains.ki / design.tuning.omega_n**2
-            ),
-        )
-        builder.AddNamedSystem("inverse_dynamics", law)
-        for name in ("reference", "sampled_state"):
-            builder.ExportInput(law.GetInputPort(name), name)
-        builder.ExportOutput(law.get_output_port(), "tau_fb")
-        return build(builder, "inverse_dynamics")
+        gains, omega_n = design.tuning.gains, design.tuning.omega_n
+        zeta = damping_ratio(gains, gains.ki / omega_n**2)
+        law = inverse_dynamics_controller(model=design.device.model, omega_n=omega_n, zeta=zeta)
+        law.set_name("inverse_dynamics")
+        return law
 
     def linear(self, design: Design, sample: int) -> Diagram:
         return self.feedback(design)

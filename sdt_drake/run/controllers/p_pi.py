@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from sdt_drake.io.fields import EachJoint, Positive, field
-from sdt_drake.run.controllers.pi import Ahead, PiLoops, pi_feedback
+from sdt_drake.run.controllers.pi import PiLoops
 from sdt_drake.run.design import Design
 from sdt_drake.run.options import ChosenFeedforward, ControllerOptions
 from sdt_drake.systems import position_loop
@@ -34,24 +34,16 @@ class PPi(PiLoops, ChosenFeedforward, PositionGain):
 
     kind: Literal["p_pi"] = "p_pi"
 
-    def feedback(self, design: Design) -> Diagram:
-        return pi_feedback(design, ahead=_position_loops(design))
-
-    def linear(self, design: Design, sample: int) -> Diagram:
-        return pi_feedback(design, ahead=_position_loops(design), is_linear=True)
-
-    def in_words(self, design: Design) -> str:
-        k_v = self.position_gain
-        gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
-        return f"{super().in_words(design)} in position loops, {gain}"
-
-
-def _position_loops(design: Design) -> Ahead:
-    def add(builder: DiagramBuilder) -> Mapping[str, OutputPort]:
+    def ahead(
+        self, builder: DiagramBuilder, design: Design, sample: int | None
+    ) -> Mapping[str, OutputPort]:
         loop = position_loop(position_gain=design.tuning.position_gain)
         builder.AddNamedSystem("position_loop", loop)
         builder.ExportInput(loop.GetInputPort("reference"), "reference")
         builder.ExportInput(loop.GetInputPort("sampled_state"), "sampled_state")
         return {"reference": loop.get_output_port()}
 
-    return add
+    def in_words(self, design: Design) -> str:
+        k_v = self.position_gain
+        gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
+        return f"{super().in_words(design)} in position loops, {gain}"

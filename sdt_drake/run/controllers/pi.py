@@ -1,6 +1,6 @@
 """PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, cast
 
@@ -9,7 +9,6 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import Number, field
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers.base import Feedback, feedback_of
 from sdt_drake.run.design import Design
 from sdt_drake.run.options import LARGEST_INERTIA, AntiWindup, FeedforwardGain
 from sdt_drake.systems import pi_speed_controller
@@ -17,12 +16,9 @@ from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.pi import set_integral
 from sdt_drake.systems.wiring import build
 
-Ahead = Callable[[DiagramBuilder], Mapping[str, OutputPort]]
-"""Function that adds blocks ahead of PI controllers, and returns what these read, by input."""
-
 
 @dataclass(frozen=True)
-class PiLoops(AntiWindup, Feedback):
+class PiLoops(AntiWindup):
     """Options of all controllers with a PI speed controller for each motor."""
 
     needs = (LARGEST_INERTIA,)
@@ -33,16 +29,58 @@ class PiLoops(AntiWindup, Feedback):
         """Set-point weight b of the PI controllers [-]; 1 if it is no option."""
         return 1.0
 
-    def feedback(self, design: Design) -> Diagram:
-        return pi_feedback(design)
+    def ahead(
+        self, builder: DiagramBuilder, design: Design, sample: int | None
+    ) -> Mapping[str, OutputPort]:
+        """Add the blocks ahead of the PI controllers; return what these read, by input."""
+        return {}
 
-    def linear(self, design: Design, sample: int) -> System:
-        return pi_feedback(design, is_linear=True)
+    def share(self, design: Design, sample: int) -> Array | float:
+        """Return the factor on the tuned gains at a sample [-], shape (n,) or one for all."""
+        return 1.0
+
+    def feedback(self, design: Design, sample: int | None = None) -> Diagram:
+        """Make PI controllers of a design, and the blocks ahead of them.
+
+        Args:
+            design: the design of the loop.
+            sample: sample for linear analysis, without anti-windup, as nothing saturates there.
+        """
+        builder, gains = DiagramBuilder(), design.tuning.gains
+        share = 1.0 if sample is None else self.share(design, sample)
+        pi = pi_speed_controller(
+            gains=SpeedGains(kp=share * gains.kp, ki=share * gains.ki),
+            gear_ratio=design.device.simulated.gear_ratio,
+            setpoint_weight=self.setpoint_weight,
+            anti_windup=self.anti_windup and sample is None,
+            period=design.drive.period,
+        )
+        builder.AddNamedSystem("pi_speed_controller", pi)
+        signals = self.ahead(builder, design, sample)
+        for name in ("reference", "measured", "tau_cmd", "tau_limited"):
+            if name in signals:
+                builder.Connect(signals[name], pi.GetInputPort(name))
+            elif pi.HasInputPort(name):
+                builder.ExportInput(pi.GetInputPort(name), name)
+        builder.ExportOutput(pi.get_output_port(), "tau_fb")
+        return build(builder, self.kind)
+
+    def linear(self, design: Design, sample: int) -> Diagram:
+        return self.feedback(design, sample)
 
     def start(
         self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
     ) -> None:
-        start_integrals(system, context, design, tau, start)
+        """Set the integrals to a torque in steady motion, where the speed error is zero.
+
+        The proportional gain then commands K_PS (b - 1) r v.
+        """
+        v, gains = (design.reference.tracked if start is None else start).v[0], design.tuning.gains
+        kp_r = self.share(design, 0) * gains.kp * design.device.simulated.gear_ratio
+        proportional = -(1 - self.setpoint_weight) * kp_r * v
+        pi = cast(Diagram, system).GetSubsystemByName("pi_speed_controller")
+        own = cast(Diagram, system).GetMutableSubsystemContext(pi, context)
+        set_integral(pi, own, tau - proportional, gains=gains)
 
     def in_words(self, design: Design) -> str:
         b = self.setpoint_weight
@@ -115,59 +153,3 @@ class PiId(PiLoops, FeedforwardGain):
     @property
     def feedforward_in_use(self) -> str:
         return "id"
-
-
-def pi_feedback(
-    design: Design,
-    *,
-    ahead: Ahead | None = None,
-    share: Array | float = 1.0,
-    is_linear: bool = False,
-) -> Diagram:
-    """Make PI controllers of a design, and the blocks ahead of them.
-
-    Args:
-        design: the design of the loop.
-        ahead: adds the blocks ahead; none by default.
-        share: factor on the tuned gains [-], shape (n,) or one for all.
-        is_linear: True for linear analysis: without anti-windup, as nothing saturates there.
-    """
-    builder, choice = DiagramBuilder(), cast(PiLoops, feedback_of(design))
-    pi = pi_speed_controller(
-        gains=SpeedGains(kp=share * design.tuning.gains.kp, ki=share * design.tuning.gains.ki),
-        gear_ratio=design.device.simulated.gear_ratio,
-        setpoint_weight=choice.setpoint_weight,
-        anti_windup=choice.anti_windup and not is_linear,
-        period=design.drive.period,
-    )
-    builder.AddNamedSystem("pi_speed_controller", pi)
-    signals = {} if ahead is None else ahead(builder)
-    for name in ("reference", "measured", "tau_cmd", "tau_limited"):
-        if name in signals:
-            builder.Connect(signals[name], pi.GetInputPort(name))
-        elif pi.HasInputPort(name):
-            builder.ExportInput(pi.GetInputPort(name), name)
-    builder.ExportOutput(pi.get_output_port(), "tau_fb")
-    return build(builder, choice.kind)
-
-
-def start_integrals(
-    system: System,
-    context: Context,
-    design: Design,
-    tau: Array,
-    start: Motion | None,
-    share: Array | float = 1.0,
-) -> None:
-    """Set the integrals to a torque in steady motion, where the speed error is zero.
-
-    The proportional gain then commands K_PS (b - 1) r v.
-    """
-    v = (design.reference.tracked if start is None else start).v[0]
-    b = cast(PiLoops, feedback_of(design)).setpoint_weight
-    proportional = (
-        -(1 - b) * (share * design.tuning.gains.kp * design.device.simulated.gear_ratio) * v
-    )
-    pi = cast(Diagram, system).GetSubsystemByName("pi_speed_controller")
-    own = cast(Diagram, system).GetMutableSubsystemContext(pi, context)
-    set_integral(pi, own, tau - proportional, gains=design.tuning.gains)

@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers.pi import Ahead, WeightedPi, pi_feedback, start_integrals
+from sdt_drake.run.controllers.pi import WeightedPi
 from sdt_drake.run.design import Design
 from sdt_drake.run.options import ChosenFeedforward
 from sdt_drake.systems import gain_schedule, signal_table
@@ -30,36 +30,31 @@ class PiScheduled(WeightedPi, ChosenFeedforward):
 
     needs = ("inertia along the motion",)
 
-    def feedback(self, design: Design) -> Diagram:
-        return pi_feedback(design, ahead=_schedule(design))
+    def share(self, design: Design, sample: int) -> Array:
+        return design.tuning.inertia_share[sample]
 
-    def linear(self, design: Design, sample: int) -> Diagram:
-        # Drake cannot linearise the schedule of a sampled controller.
-        return pi_feedback(design, share=design.tuning.inertia_share[sample], is_linear=True)
-
-    def start(
-        self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
-    ) -> None:
-        start_integrals(system, context, design, tau, start, share=design.tuning.inertia_share[0])
-        table = cast(Diagram, system).GetSubsystemByName("inertia_table")
-        start_table(table, cast(Diagram, system).GetMutableSubsystemContext(table, context))
-
-    def in_words(self, design: Design) -> str:
-        return f"{super().in_words(design)}, their gains those at the largest inertia"
-
-
-def _schedule(design: Design) -> Ahead:
-    def add(builder: DiagramBuilder) -> Mapping[str, OutputPort]:
+    def ahead(
+        self, builder: DiagramBuilder, design: Design, sample: int | None
+    ) -> Mapping[str, OutputPort]:
+        if sample is not None:  # Drake cannot linearise the schedule of a sampled controller
+            return {}
         share = {"inertia_share": design.tuning.inertia_share}
         delay = design.drive.reference_delay
         table = signal_table(motion=design.reference.held, signals=share, delay=delay)
         builder.AddNamedSystem("inertia_table", table)
-        schedule = builder.AddNamedSystem(
-            "gain_schedule", gain_schedule(n=design.device.simulated.n)
-        )
+        schedule = gain_schedule(n=design.device.simulated.n)
+        builder.AddNamedSystem("gain_schedule", schedule)
         builder.Connect(table.get_output_port(), schedule.GetInputPort("inertia_share"))
         builder.ExportInput(schedule.GetInputPort("reference"), "reference")
         builder.ExportInput(schedule.GetInputPort("measured"), "measured")
         return {x: schedule.GetOutputPort(f"weighted_{x}") for x in ("reference", "measured")}
 
-    return add
+    def start(
+        self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
+    ) -> None:
+        super().start(system, context, design, tau, start)
+        table = cast(Diagram, system).GetSubsystemByName("inertia_table")
+        start_table(table, cast(Diagram, system).GetMutableSubsystemContext(table, context))
+
+    def in_words(self, design: Design) -> str:
+        return f"{super().in_words(design)}, their gains those at the largest inertia"

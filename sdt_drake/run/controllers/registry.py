@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from itertools import takewhile
@@ -13,10 +12,11 @@ from typing import Any, ClassVar, Literal, cast
 from pydrake.systems.framework import Context, System
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.schema import schema_of
 from sdt_drake.motion import Motion
-from sdt_drake.run.controllers.base import Controller, Feedback, start_own
+from sdt_drake.run.controllers.base import Controller, start_own
 from sdt_drake.run.controllers.inverse_dynamics import InverseDynamics
 from sdt_drake.run.controllers.p_pi import PositionGain, PPi
 from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId
@@ -29,7 +29,7 @@ from sdt_drake.run.options import (
     ControllerOptions,
 )
 
-SHIPPED: Mapping[str, type[Feedback]] = {
+SHIPPED: Mapping[str, type[ControllerOptions]] = {
     "pi": Pi,
     "pi_ctc": PiCtc,
     "pi_id": PiId,
@@ -43,7 +43,7 @@ CONTROLLERS.update(SHIPPED)
 
 
 @dataclass(frozen=True)
-class Own(Feedback):
+class Own(ControllerOptions):
     """Options of a controller of your own, which a class or a function makes from a design."""
 
     made_by: ClassVar[Any]
@@ -134,7 +134,11 @@ def register_controller(
             "sdt_drake.ControllerOptions"
         )
     about = {x: getattr(controller, x) for x in _OF_CLASSES if hasattr(controller, x)}
-    bases: tuple[type, ...] = (Own, *_old_options(name, controller), options)
+    old = tuple(_OLD_OPTIONS[option] for option in getattr(controller, "options", ()))
+    if old:
+        classes = ", ".join(option.__name__ for option in old)
+        new = f"options= a class that derives from {classes}"
+        renamed(f"controller '{name}': the attribute options", new)
     values = about | {
         "made_by": staticmethod(controller),
         "kind": name,
@@ -142,7 +146,7 @@ def register_controller(
         "__module__": controller.__module__,
         "__doc__": inspect.getdoc(controller),
     }
-    made: Any = dataclass(frozen=True)(type(controller.__name__, bases, values))
+    made: Any = dataclass(frozen=True)(type(controller.__name__, (Own, *old, options), values))
     made()  # options without defaults are refused
     CONTROLLERS[name] = made
     schema_of.cache_clear()  # it lists the fields of all kinds
@@ -154,18 +158,7 @@ _OF_CLASSES = ("needs", "plants", "takes_feedforward")
 _OLD_OPTIONS = {
     "anti_windup": AntiWindup, "feedforward": ChosenFeedforward, "position_gain": PositionGain,
 }  # fmt: skip
-
-
-def _old_options(name: str, controller: Any) -> tuple[type[ControllerOptions], ...]:
-    """Return the options that a class of version 0.4 lists in its attribute `options`."""
-    old = tuple(_OLD_OPTIONS[option] for option in getattr(controller, "options", ()))
-    if old:
-        text = (
-            f"controller '{name}': the attribute options goes in 0.7, register it with options= a "
-            f"class that derives from {', '.join(x.__name__ for x in old)}"
-        )
-        warnings.warn(text, DeprecationWarning, stacklevel=3)
-    return old
+"""Options that a class of version 0.4 lists in its attribute `options`."""
 
 
 def _check_class(name: str, controller: type) -> None:

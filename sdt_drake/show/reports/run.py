@@ -21,7 +21,7 @@ from sdt_drake.motion import Story, story_of
 from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION
-from sdt_drake.run.controllers import feedback_of, option_names
+from sdt_drake.run.controllers import option_names
 from sdt_drake.run.design import Design
 from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import Report, written
@@ -115,7 +115,7 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
     yield "robot", said("{}, {} ({})", robot.name, joint_count(robot.n), file)
     learned = "" if design.reference.tracked is wanted else "; the reference is learned"
     yield "motion", said("{}, {:g} s at {:g} s{}", motion, wanted.duration, wanted.period, learned)
-    controller = feedback_of(design).in_words(design)
+    controller = design.scenario.controller.in_words(design)
     yield "controller", said("{:code}: {}", choice.label, controller)
     gain = f" times {list(choice.feedforward_gain)}" if choice.feedforward_gain else ""
     yield (
