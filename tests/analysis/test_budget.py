@@ -65,7 +65,7 @@ def linear_loop(design, torque_at, v_ref, carried=0.0):
     return rk4(law, start, design.reference.tracked.time, 4)[:, :4] / GEAR
 
 
-def test_each_part_is_the_one_by_hand(budgets):
+def test_budget_parts_equal_those_by_hand(budgets):
     design, budget = budgets("axis_pi_ctc", CTC | kind("pi_ctc", feedforward_gain=[0.5] * 4))
     load, v_ref = design.loads.load_torque, design.reference.tracked.v
     # The last sample arrives at its own instant: the reference before it was still in force.
@@ -90,7 +90,7 @@ CTC_AT_1_MS = CTC | {"drive": Drive(period=0.001, encoder_resolution=[1e9] * 4)}
     ],
     ids=["friction", "its compensation", "increments of encoders"],
 )
-def test_what_is_not_linear_lands_in_the_remainder(budgets, name, linear, changed):
+def test_nonlinear_error_lands_in_the_remainder(budgets, name, linear, changed):
     (_, without), (_, budget) = budgets(name, linear), budgets(name, linear | changed)
     for part in PARTS:
         same(budget.parts[part], without.parts[part])
@@ -98,7 +98,7 @@ def test_what_is_not_linear_lands_in_the_remainder(budgets, name, linear, change
     assert largest(budget.remainder).max() > 30 * largest(without.remainder).max()
 
 
-def test_what_is_not_of_the_scenario_is_refused(budgets):
+def test_budget_of_learned_or_other_feedforward_is_refused(budgets):
     design, _ = budgets()
     with pytest.raises(InputError, match="learned: has no part in an error budget"):
         error_budget(
@@ -108,7 +108,7 @@ def test_what_is_not_of_the_scenario_is_refused(budgets):
         error_budget(design.with_feedforward(0 * design.reference.planned.q))
 
 
-def test_saturation_is_a_part(designed):
+def test_saturation_is_a_budget_part(designed):
     """axis_pi as printed, from 8.9 to 9.6 s: motor 2 saturates."""
     reference, i = designed("axis_pi").reference.tracked, round(8.9 / PERIOD)
     motion = Motion.from_speeds(PERIOD, reference.q[i], reference.v[i : i + 141])

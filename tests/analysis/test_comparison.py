@@ -59,7 +59,7 @@ def metrics(c):
     ])  # fmt: skip
 
 
-def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
+def test_comparison_tables_hold_metrics_and_csv_all_digits(compared, tmp_path):
     write_comparison(compared, tmp_path / "new" / "table.csv")
     with (tmp_path / "new" / "table.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
@@ -80,7 +80,7 @@ def test_tables_hold_the_metrics_and_the_csv_all_digits(compared, tmp_path):
         assert told == [c.label, ", ".join(c.needs)]
 
 
-def test_what_was_learned_is_compared_and_another_feedforward_is_refused(design):
+def test_comparison_takes_learned_torque_and_refuses_other_feedforward(design):
     torque = np.full(design.reference.planned.q.shape, 50.0)
     learned = design.given(LearnedReference(design.reference.planned, torque))
     for run in compare(learned, ["pi", "inverse_dynamics"]):
@@ -99,7 +99,7 @@ OWN = {"pi_ctc": "ctc", "pi_id": "id", "inverse_dynamics": "none"}
 
 
 @pytest.mark.parametrize("label", [*CONTROLLERS, "p_pi+ctc", "pi_scheduled+id"])
-def test_a_label_is_a_kind_and_a_feedforward_and_keeps_options_of_use(label):
+def test_label_gives_kind_and_feedforward_and_keeps_options(label):
     kind, _, feedforward = label.partition("+")
     feedforward = feedforward or OWN.get(kind, "none")
     options = {"feedforward_gain": [0.9] * 4, "position_gain": [5.0] * 4, "anti_windup": True}

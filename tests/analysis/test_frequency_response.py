@@ -31,7 +31,7 @@ STEP = Motion.from_speeds(0.005, np.zeros(4), np.repeat([[0.0] * 4, [1.0] * 4], 
     encoder=st.sampled_from(["motor", "link"]),
     by_differences=st.booleans(),
 )
-def test_loops_are_those_of_python_control(
+def test_frequency_responses_equal_python_control(
     designed, rng, weight, period, lag, springs, encoder, by_differences
 ):
     by_differences = by_differences and period is not None  # with encoders, of positions
@@ -120,7 +120,7 @@ def fastest_growth(loop, k, factor):
         (kind("pi", omega_r=10.0), 4000, 2),
     ],
 )
-def test_margins_are_where_a_mode_comes_to_its_stability_limit(designed, fields, sample, limited):
+def test_gain_margins_bring_a_mode_to_its_stability_limit(designed, fields, sample, limited):
     design = designed("coupled_pi", fields)
     response = frequency_response(design, sample=sample, points=700)
     factors = response.gain_margin if sample is None else response.gain_reduction

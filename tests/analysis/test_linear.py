@@ -67,7 +67,7 @@ def linearised_feedback(design, sample, zeta, T):
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
+def test_inverse_dynamics_decouples_coupled_plant(designed, sample):
     """Every joint follows as if alone, sampled with the reference, and no other moves."""
     design = designed("coupled_pi", kind("inverse_dynamics"))
     loop, T, zeta = linearise(design, sample), 0.005, np.array([0.95, 0.98, 0.99, 0.95])
@@ -105,7 +105,7 @@ def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
     ("eigenvalues", "damping"),
     [((0.0,), 1.0), ((0.0, 0.0, 0.0), 1.0), ((0.0, 0.5), 1.0), ((0.0, -1.2), -0.057937)],
 )
-def test_a_deadbeat_mode_has_a_damping_and_hides_no_other(eigenvalues, damping):
+def test_deadbeat_mode_has_a_damping_and_hides_no_other(eigenvalues, damping):
     n = len(eigenvalues)
     A = np.diag(eigenvalues) + np.diag(np.ones(n - 1), 1)  # 0 three times: one Jordan block
     turned = np.linalg.qr(np.random.default_rng(1).normal(size=(n, n)))[0]

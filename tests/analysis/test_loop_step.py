@@ -21,7 +21,7 @@ def formula(design, joint):
 
 
 @pytest.mark.parametrize(("weight", "joint"), [(1, 1), (0, 2), (0.4, 3)])
-def test_a_step_of_the_reference_of_an_axis_follows_the_formula(designed, weight, joint):
+def test_reference_step_of_an_axis_follows_formula(designed, weight, joint):
     design = designed("axis_pi", {"controller.setpoint_weight": weight}, motion=REST)
     size, k = 0.004, joint - 1
     found = sdt.step(design, joint=joint, size=size, at=0.1, duration=0.4)
@@ -42,7 +42,7 @@ def test_a_step_of_the_reference_of_an_axis_follows_the_formula(designed, weight
 
 
 @pytest.mark.parametrize("joint", [1, 3])
-def test_a_step_of_the_load_of_an_axis_is_carried_by_the_integral(designed, joint):
+def test_load_step_of_an_axis_is_carried_by_the_integral(designed, joint):
     """Neither speed error nor torque is left; the angle is the load over K_IS."""
     design = designed("axis_pi", motion=REST)
     k, load, r = joint - 1, 20.0, design.device.simulated.gear_ratio[joint - 1]
@@ -60,7 +60,7 @@ def test_a_step_of_the_load_of_an_axis_is_carried_by_the_integral(designed, join
     assert m["tau"][k].overshoot_percent == pytest.approx(axis.overshoot_percent(1), abs=2e-3)
 
 
-def test_steps_of_an_axis_superpose_whether_it_rests_or_moves(designed):
+def test_axis_steps_superpose_at_rest_and_in_motion(designed):
     resting = designed("axis_pi_ctc", motion=REST)
     moving = designed("axis_pi_ctc", end=2.8)
     one = sdt.step(resting, input="tau_cmd", joint=2, size=100.0, duration=0.3)
@@ -75,7 +75,7 @@ def test_steps_of_an_axis_superpose_whether_it_rests_or_moves(designed):
 
 
 @pytest.mark.parametrize("anti_windup", [False, True])
-def test_a_torque_command_acts_as_a_load_of_the_other_sign(designed, anti_windup):
+def test_torque_command_acts_as_negative_load(designed, anti_windup):
     """On all joints of the moving device, whose accelerations couple them."""
     fields = {"controller.anti_windup": anti_windup, "plant.friction.viscous": [50.0] * 4}
     design = designed("coupled_pi_ctc", fields, end=2.8)
@@ -90,7 +90,7 @@ def test_a_torque_command_acts_as_a_load_of_the_other_sign(designed, anti_windup
     np.testing.assert_allclose(added, 300.0, atol=0.01)
 
 
-def test_stiffness_is_that_of_the_integral_and_position_loops_leave_no_error(designed):
+def test_stiffness_equals_integral_gain_and_position_loops_leave_no_error(designed):
     load = {"input": "extra_load_torque", "joint": 4, "size": 50.0, "duration": 0.8}
     pi = designed("coupled_pi", motion=REST)
     soft = sdt.step(pi, **load).metrics["position_error"][3]
@@ -102,13 +102,13 @@ def test_stiffness_is_that_of_the_integral_and_position_loops_leave_no_error(des
 
 
 @pytest.mark.parametrize("label", ["pi_id", "p_pi", "pi_scheduled", "inverse_dynamics"])
-def test_every_controller_follows_a_step_of_the_reference_at_rest(designed, label):
+def test_every_controller_follows_reference_step_at_rest(designed, label):
     design = designed("coupled_pi", {"controller.kind": label}, motion=REST)
     found = sdt.step(design, joint=4, size=0.002, at=0.05, duration=0.7)
     assert found.metrics["v"][3].steady_state_error == pytest.approx(0, abs=2e-5)
 
 
-def test_the_feedforward_does_not_follow_a_step_of_the_reference(designed):
+def test_feedforward_ignores_reference_step(designed):
     """Whether it is a table, or computed online, where the speed of joint 1 loads joint 2."""
     found = []
     for how in ("table", "online"):
@@ -119,7 +119,7 @@ def test_the_feedforward_does_not_follow_a_step_of_the_reference(designed):
     assert abs(found[0].tau_cmd[0, 1]) < 1e-9
 
 
-def test_a_loop_with_a_real_drive_starts_in_equilibrium(designed):
+def test_loop_with_real_drive_starts_in_equilibrium(designed):
     """Sampling, delay, friction and springs: nothing happens until the delayed reference steps."""
     fields = {"drive.reference_delay": 0.004}
     design = designed("real_device", fields, motion=REST)
@@ -131,7 +131,7 @@ def test_a_loop_with_a_real_drive_starts_in_equilibrium(designed):
 # --- the object, and bad use ------------------------------------------------------------------
 
 
-def test_a_step_is_shown_and_limits_that_cut_it_are_named(designed):
+def test_step_result_names_limits_that_cut_it(designed):
     design = designed("axis_pi", motion=REST)
     found = sdt.step(sdt.loop(design), input="tau_cmd", size=400.0, duration=0.1)
     assert found.saturated[:, 0].any() and not found.saturated[:, 1:].any()
@@ -161,20 +161,20 @@ WRONG = {
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_a_wrong_argument_is_one_line(designed, message):
+def test_wrong_step_argument_is_one_line(designed, message):
     with pytest.raises(sdt.InputError, match=f"^{message}") as error:
         sdt.step(designed("axis_pi", motion=REST), **WRONG[message])
     assert "\n" not in str(error.value)
 
 
-def test_a_loop_with_parts_from_outside_is_refused(designed):
+def test_step_of_an_open_loop_is_refused(designed):
     design = designed("coupled_pi", motion=REST)
     for parts in ({"controller": "external"}, {"reference": "external"}):
         with pytest.raises(sdt.InputError, match=r"^design: a loop with .* from outside"):
             sdt.step(sdt.loop(design, **parts))
 
 
-def test_a_response_that_returns_settles_into_a_share_of_its_peak():
+def test_returning_response_settles_into_share_of_its_peak():
     t = np.linspace(0, 10, 10_001)
     m = step_metrics(t, 3 - 2 * t * np.exp(1 - t), y0=3, y_final=3)  # peak -2 at 1
     assert np.isnan([m.rise_time, m.overshoot_percent]).all()

@@ -25,7 +25,7 @@ def cascade(designed, k_v, drive, name="coupled_pi", **given):
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_an_axis_in_a_cascade_is_its_map_between_samples(designed, drive):
+def test_cascade_on_an_axis_equals_its_sampled_map(designed, drive):
     """Cut at the samples of the position: margins as python-control tells them of that map."""
     k_v = np.array([3.0, 60.0, 150.0, 20.0])
     design = cascade(designed, k_v.tolist(), drive, "axis_pi")
@@ -50,7 +50,7 @@ def test_an_axis_in_a_cascade_is_its_map_between_samples(designed, drive):
 
 
 @pytest.mark.parametrize(("drive", "k_v"), [(None, 400.0), (0.001, 120.0)])
-def test_a_simulated_answer_is_that_of_the_linear_model(designed, k_v, drive):
+def test_simulated_load_step_equals_linear_model(designed, k_v, drive):
     """A step of load on joint 2: positions, less those without it, decay or run away as told."""
     design, load = cascade(designed, [k_v] * 4, drive, end=0.2), np.array([0, 300.0, 0, 0])
 
@@ -80,7 +80,7 @@ ENCODERS = {"drive": Drive(period=0.001, encoder_resolution=[1e6] * 4)}
 
 @pytest.mark.parametrize("fields", [{}, ENCODERS], ids=["ideal", "encoders"])
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_every_state_is_reached_and_shown(designed, name, fields):
+def test_linear_model_is_controllable_and_observable(designed, name, fields):
     """Drake's own inverse dynamics has an integral of the gain 0, which nothing shows."""
     design = designed("coupled_pi", fields | kind(name), end=0.5)
     model = design.linear(20)

@@ -36,7 +36,7 @@ ERRORS = [0.1, -0.1, 0, 0.2]
         (kind("p_pi"), "link", Drive(), 0.01),
     ],
 )
-def test_modes_and_overshoot_are_those_of_the_map_by_hand(
+def test_elastic_modes_and_overshoot_equal_map_by_hand(
     designed, fields, encoder, drive, damping_ratio
 ):
     """K_V follows omega_n, or is the scenario's own; positions are sampled every 5 ms."""
@@ -81,7 +81,7 @@ def test_modes_and_overshoot_are_those_of_the_map_by_hand(
 
 
 @pytest.mark.parametrize(("controller", "overshoot"), [("pi_id", 37), ("pi_scheduled", None)])
-def test_other_controllers_of_speed_have_the_modes_of_pi(designed, design, controller, overshoot):
+def test_other_speed_controllers_have_modes_of_pi(designed, design, controller, overshoot):
     """pi_id has both gains on the error, hence a zero; pi_scheduled its largest gains, as pi."""
     sweep = stability_sweep(designed("coupled_pi", kind(controller)), OMEGA_R, ratios=SOME)
     plain = stability_sweep(design, OMEGA_R, ratios=SOME)
@@ -90,7 +90,7 @@ def test_other_controllers_of_speed_have_the_modes_of_pi(designed, design, contr
     np.testing.assert_allclose(sweep.overshoot_percent[2], expected, atol=0.5)
 
 
-def test_stability_of_a_scenario_sweeps_both_encoders_with_ideal_and_own_drive(designed):
+def test_stability_sweeps_both_encoders_with_ideal_and_own_drive(designed):
     sampled = Drive(period=0.005)
     found = sdt.stability(designed("axis_pi", {"drive": sampled}), omega_r=OMEGA_R, damping=0.02)
     drives = {"ideal drive": Drive(), "the scenario's drive": sampled}

@@ -41,7 +41,7 @@ MOTION = make_motion(
 
 @settings(max_examples=10)
 @given(GENERATORS)
-def test_errors_are_those_of_speeds_and_of_positions_apart(rng):
+def test_speed_and_position_errors_are_separate(rng):
     off_v, off_q = rng.normal(size=(2, *MOTION.v.shape)) * rng.integers(0, 2, (2, 1, 5))
     tracking = track(recorded(MOTION, v=MOTION.v + off_v, q=MOTION.q + off_q))
     np.testing.assert_allclose(tracking.max_abs_speed_error, np.abs(off_v).max(axis=0))
@@ -55,7 +55,7 @@ def test_errors_are_those_of_speeds_and_of_positions_apart(rng):
     assert not tracking.saturated_fraction.any()
 
 
-def test_saturated_fraction_is_the_share_of_the_time():
+def test_saturated_fraction_is_a_share_of_time():
     saturated = np.zeros_like(MOTION.v)
     saturated[1:151, 0] = 0.5  # half of a quarter of the periods
     saturated[:, 1] = 1.0
@@ -66,7 +66,7 @@ def test_saturated_fraction_is_the_share_of_the_time():
 # --- head and motors ----------------------------------------------------------------------------
 
 
-def test_torques_are_those_within_the_periods_and_shares_those_of_the_limits():
+def test_torque_metrics_are_within_periods_and_shares_of_limits():
     """The RMS of the first sample is that of no period; the peak counts."""
     tau, limit = np.zeros_like(MOTION.v), np.array([10.0, 20, 5, 8, 1])
     tau[:, 0], tau[200, 2], tau[0, 3] = 3.0, 5.0, 8.0
@@ -101,7 +101,7 @@ def test_metrics_of_an_analytic_step_scale_with_its_units(zeta, y0, size, falls)
     assert found.steady_state_error == pytest.approx(size * (unit[-1] - 1), abs=1e-12)
 
 
-def test_a_step_that_does_not_arrive_has_no_times():
+def test_unfinished_step_has_no_times():
     found = step_metrics([0, 1, 2], [0, 0.2, 0.5], y0=0, y_final=1)
     assert np.isnan([found.rise_time, found.settling_time]).all()
     assert (found.overshoot_percent, found.steady_state_error) == (0, -0.5)
@@ -109,7 +109,7 @@ def test_a_step_that_does_not_arrive_has_no_times():
     assert (at_once.rise_time, at_once.settling_time) == (0, 0)
 
 
-def test_columns_are_in_the_unit_of_their_header():
+def test_metric_columns_are_in_their_headers_unit():
     position, share = np.array([0.1, 0.2]), np.array([0.25, np.nan])
     columns = columns_of({"peak_torque_share": share, "max_abs_position_error": position, "x": 1})
     assert [header for header, *_ in columns] == ["position [deg]", "torque peak [%]"]
@@ -124,12 +124,12 @@ def test_columns_are_in_the_unit_of_their_header():
     [("rms_speed_error_12", ("rms_speed_error", 12)), ("stretch", ("stretch", None)),
      ("rms_speed_error_0", ("rms_speed_error_0", None)), ("own_2", ("own_2", None))],
 )  # fmt: skip
-def test_an_outcome_has_a_metric_and_a_joint(name, family):
+def test_outcome_names_have_metric_and_joint(name, family):
     assert family_of(name) == family
     assert metric_of(name).title == getattr(METRICS.get(family[0]), "title", name)
 
 
-def test_errors_are_those_against_the_planned_motion_whatever_was_learned(designed):
+def test_errors_are_against_the_planned_motion_after_learning(designed):
     """The second argument of 0.4, the tracked motion, gave NaN for a learned reference."""
     design = designed("axis_pi", end=1.5, rest=100)
     planned = design.reference.planned
