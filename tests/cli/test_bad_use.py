@@ -30,7 +30,7 @@ TABLE = yaml.safe_load(Path(__file__).with_name("bad_use.yaml").read_text(encodi
         ("init ''", "empty, expected a path"),
     ],
 )
-def test_wrong_usage(refuse, line, word):
+def test_wrong_usage_names_help(refuse, line, word):
     assert "--help" in refuse(*shlex.split(line), saying=[word])
 
 
@@ -45,7 +45,7 @@ def nothing_simulated(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", TABLE["lines"])
-def test_a_mistake_is_one_line(kind, call, crowded, nothing_simulated, file_regression):
+def test_bad_use_is_one_committed_line(kind, call, crowded, nothing_simulated, file_regression):
     before = times(crowded.parent)
     said = []
     for line in TABLE["lines"][kind]:

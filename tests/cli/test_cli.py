@@ -29,7 +29,7 @@ def test_help_lists_all_commands_and_version(good):
 
 @pytest.mark.parametrize("columns", ["0", "1", "2", "\u00b2", "9" * 5000, "20000000"])
 @pytest.mark.parametrize("line", ["plan --help", "--help", "scenarios"])
-def test_terminals_of_any_width(call, columns, line, monkeypatch):
+def test_help_fits_terminals_of_any_width(call, columns, line, monkeypatch):
     """rich never ends lines of 0 to 2 columns, and fills those of very many."""
     monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.setenv("LINES", columns)
@@ -39,7 +39,7 @@ def test_terminals_of_any_width(call, columns, line, monkeypatch):
     assert done.code == 0 and 1000 < len(done.out) < 100_000
 
 
-def test_completion_knows_shipped_names_files_fields_and_options(desk, tmp_path):
+def test_completion_offers_names_files_fields_and_options(desk, tmp_path):
     (desk / "coupled_own.yaml").touch()
     (desk / "c[ou]*").mkdir()
     (desk / "c[ou]*" / "mine.yaml").touch()
@@ -69,7 +69,7 @@ def test_completion_knows_shipped_names_files_fields_and_options(desk, tmp_path)
     assert [set(shlex.split(x)) for x in done.stdout.splitlines()] == [*lines.values()]
 
 
-def test_what_drake_says_of_a_robot_is_one_line(tmp_path):
+def test_drake_error_of_a_robot_is_one_line(tmp_path):
     """Its parser logs by itself, past Python's stderr: only a process of its own shows it."""
     (tmp_path / "bad.sdf").write_text(SDF.replace("<parent>arm</parent>", "<parent>leg</parent>"))
     refused(program("plan", "--robot", "bad.sdf", cwd=tmp_path), "bad.sdf", "leg")
@@ -93,14 +93,14 @@ OLD = {
 
 
 @pytest.mark.parametrize("old", OLD)
-def test_a_command_line_of_0_4_works_and_names_its_new_form(old):
+def test_old_form_0_4_works_and_names_the_new_form(old):
     new, line = modern(shlex.split(old))
     assert new == shlex.split(OLD[old])
     assert f" is '{' '.join(new[: 1 + (new[0] != 'judge')])}" in line and "0.7" in line
     assert modern(new) == (new, "")
 
 
-def test_the_line_of_an_old_form_is_printed_once_after_its_work(call, desk):
+def test_old_form_line_is_printed_once_after_the_work(call, desk):
     done = call("study", "--help")
     assert done.err == ""
     done = call("export", RUN, "--fmu", "a.fmu")
@@ -111,7 +111,7 @@ def test_the_line_of_an_old_form_is_printed_once_after_its_work(call, desk):
 # --- files to write -------------------------------------------------------------------------------
 
 
-def test_a_device_or_pipe_is_not_replaced_by_a_file(refuse, desk):
+def test_device_or_pipe_is_not_replaced_by_a_file(refuse, desk):
     """`--out /dev/null`, as root, must not turn the device into a file; here with a named pipe."""
     os.mkfifo(desk / "pipe.csv")
     refuse("plan", SHORT_MOTION, "--out", "pipe.csv", saying=["pipe.csv: is a device or pipe"])
@@ -119,7 +119,7 @@ def test_a_device_or_pipe_is_not_replaced_by_a_file(refuse, desk):
 
 
 @pytest.mark.parametrize("line", ["step --out o.pdf", f"diagram {RUN} --out o.svg", "init own"])
-def test_a_disk_that_is_full_on_the_way(refuse, line, monkeypatch):
+def test_full_disk_is_one_line_and_leaves_no_file(refuse, line, monkeypatch):
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python would keep what it could write
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
@@ -129,7 +129,7 @@ def test_a_disk_that_is_full_on_the_way(refuse, line, monkeypatch):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-def test_a_name_does_not_lead_out_of_the_folder(good, desk, given):
+def test_names_do_not_lead_out_of_the_folder(good, desk, given):
     """A scenario from somebody else must not choose where `diagram` writes."""
     good("diagram", given("evil.yaml", f"{SCENARIO}name: ../escaped\n"))
     assert [path.suffix for path in desk.iterdir()] == [".dot"]
@@ -138,7 +138,7 @@ def test_a_name_does_not_lead_out_of_the_folder(good, desk, given):
 # --- faults and warnings --------------------------------------------------------------------------
 
 
-def test_a_fault_is_one_short_line_and_a_warning_another(call, monkeypatch):
+def test_internal_error_and_warning_are_one_line_each(call, monkeypatch):
     def run(*, zeta, **options):
         warnings.warn("two\nlines", RuntimeWarning, stacklevel=1)
         if "2" in str(zeta):
@@ -156,13 +156,13 @@ def test_a_fault_is_one_short_line_and_a_warning_another(call, monkeypatch):
     assert call("step", "--zeta", "1") == (1, "done\n", "sdt-drake: warning: two lines\n")
 
 
-def test_a_library_that_wants_to_exit_is_a_fault(call, monkeypatch):
+def test_exit_of_a_library_is_an_internal_error(call, monkeypatch):
     monkeypatch.setattr("sdt_drake.cli.step.run", lambda: sys.exit(0))
     done = call("step")
     assert done.code == 70 and "internal error, SystemExit (0)" in done.err
 
 
-def test_a_figure_that_is_written_and_shown_is_drawn_once(desk, monkeypatch):
+def test_figure_written_and_shown_is_drawn_once(desk, monkeypatch):
     drawn, shown = [], []
     monkeypatch.setattr("sdt_drake.show.style.show", shown.append)
     deliver(desk / "a.svg", True, lambda: drawn.append(Figure()) or drawn[-1], None)
@@ -173,7 +173,7 @@ def test_a_figure_that_is_written_and_shown_is_drawn_once(desk, monkeypatch):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
-def test_a_full_disk_behind_stdout_is_told(capfd, monkeypatch):
+def test_full_disk_behind_stdout_is_one_line(capfd, monkeypatch):
     with open("/dev/full", "w") as full:
         monkeypatch.setattr(sys, "stdout", full)
         assert cli.main(["step"]) == 2
@@ -186,12 +186,12 @@ def test_a_full_disk_behind_stdout_is_told(capfd, monkeypatch):
     ("line", "closed", "code"),
     [("--help", "2>&-", 0), ("simulate nowhere.yaml", "<&- >&- 2>&-", 2)],
 )
-def test_closed_streams_are_no_crash(line, code, closed):
+def test_closed_streams_do_not_crash(line, code, closed):
     command = f"{sys.executable} -m sdt_drake {line} {closed}"
     assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == code
 
 
-def test_a_reader_that_has_ended_costs_no_results(desk, monkeypatch):
+def test_closed_pipe_still_writes_results(desk, monkeypatch):
     read, write = os.pipe()
     os.close(read)  # like `| head -0`
     monkeypatch.setattr(sys, "stdout", os.fdopen(write, "w"))

@@ -75,7 +75,7 @@ def short_flight(desk, monkeypatch):
 
 
 @pytest.mark.parametrize("name", TABLE["lines"])
-def test_what_commands_print_and_write(name, here, call, desk, request, file_regression):
+def test_commands_print_and_write_as_committed(name, here, call, desk, request, file_regression):
     lines = TABLE["lines"][name]
     for line in lines:
         here(line)
@@ -137,7 +137,7 @@ def size(column) -> str:
         return str(column[0]) if column else "-"
 
 
-def test_every_command_is_in_the_table():
+def test_every_command_is_in_commands_yaml():
     own = {"reproduce", "report", "size", "docs"}  # in files of their own
     assert {line.split()[0] for lines in TABLE["lines"].values() for line in lines} | own == set(
         COMMANDS

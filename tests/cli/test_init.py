@@ -33,7 +33,7 @@ def own(good, desk, monkeypatch):
     return out
 
 
-def test_what_it_says_to_run_runs(own, good, tmp_path):
+def test_commands_that_init_prints_run(own, good, tmp_path):
     lines = re.findall(r"^(sdt-drake .+?)   ", own, re.MULTILINE)
     ran = {line.split()[1]: line.split()[1:] for line in lines}
     assert list(ran) == ["simulate", "view", "tune", "pilot", "plan", "study"]
@@ -63,7 +63,7 @@ FOLDERS = ["plain", "a&b", "<'a\">", "50%20", "ü [1]"]
 
 @pytest.mark.parametrize("written", [escape, lambda uri: f" {escape(uri)}\n"])
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_meshes_are_found_from_the_new_folder(good, desk, folder, written):
+def test_init_keeps_meshes_reachable(good, desk, folder, written):
     (desk / folder).mkdir()
     (desk / folder / "link.obj").write_text("v 0 0 0")
     mesh = MESH.format(written(f"{folder.replace('%', '%25')}/link.obj"))
@@ -74,7 +74,7 @@ def test_meshes_are_found_from_the_new_folder(good, desk, folder, written):
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_files_of_a_robot_of_ones_own_fit_it_and_run(good, desk, monkeypatch, name):
+def test_init_files_of_an_own_robot_fit_it_and_run(good, desk, monkeypatch, name):
     (desk / name).write_text(ROBOTS[name], encoding="utf-8")
     good("init", "--robot", name, "mine")
     monkeypatch.chdir(desk / "mine")

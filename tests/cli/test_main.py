@@ -48,7 +48,7 @@ def stopped(tmp_path):
     return run
 
 
-def test_ctrl_c_while_a_module_is_imported(stopped):
+def test_ctrl_c_during_import_ends_quietly(stopped):
     line = ("step", "--out", "o.png")
     assert stopped([INT, INT], "import", "matplotlib.figure", *line) == (130, "", set())
 
@@ -75,7 +75,7 @@ def moving(**options):
 step.run = """
 
 
-def test_ctrl_c_waits_for_no_thread(stopped):
+def test_ctrl_c_does_not_wait_for_threads(stopped):
     assert stopped([INT], "open", "never", "step", code=RUN + "with_threads") == (130, "", set())
 
 
@@ -88,7 +88,7 @@ def test_ctrl_c_waits_for_no_thread(stopped):
         ([HUP], [HUP], 0, {"o.csv"}),  # below nohup
     ],
 )
-def test_signals_leave_no_file_that_is_begun(stopped, signals, ignored, code, left):
+def test_signal_leaves_no_partial_file(stopped, signals, ignored, code, left):
     done = stopped(signals, "open", ".partial", "step", ignored=ignored, code=RUN + "writing")
     assert done == (code, "", left)
 
@@ -101,7 +101,7 @@ def test_signals_leave_no_file_that_is_begun(stopped, signals, ignored, code, le
         ("shutil.rmtree", ".partial", ["a.csv", "b.csv"]),
     ],
 )
-def test_a_signal_leaves_all_files_of_a_set_or_none(stopped, tmp_path, event, word, names):
+def test_signal_leaves_all_files_of_a_set_or_none(stopped, tmp_path, event, word, names):
     code, err, left = stopped([TERM, INT], event, word, "step", code=RUN + "moving")
     assert (code, err, left) == (143, "", {"o"} if names else set())
     assert sorted(path.name for path in (tmp_path / "o").glob("*")) == names
@@ -116,7 +116,7 @@ def test_a_signal_leaves_all_files_of_a_set_or_none(stopped, tmp_path, event, wo
         ("simulate axis_pi", {"matplotlib", "pandas"}),
     ],
 )
-def test_commands_import_no_more_than_they_need(line, heavy):
+def test_commands_import_only_what_they_need(line, heavy):
     code = (
         f"import sys\nfrom sdt_drake.cli.app import main\ncode = main({line.split()})\n"
         f"sys.exit(code or bool({heavy} & {{*sys.modules}}))"

@@ -126,7 +126,7 @@ def bases():
 
 
 @pytest.mark.parametrize(("name", "line", "option"), CASES)
-def test_an_option_changes_the_result_or_is_refused(result, bases, name, line, option):
+def test_option_changes_the_result_or_is_refused(result, bases, name, line, option):
     value = OWN_VALUES.get((name, option), VALUES[option])
     if (name, line) not in bases:
         bases[name, line] = result(f"{name} {line}")

@@ -33,7 +33,7 @@ def folder(reproduced, tmp_path):
 # --- `sdt-drake report`: files of `reproduce` are read again ----------------------------------
 
 
-def test_no_text_of_the_summary_becomes_a_tag(folder):
+def test_summary_text_is_escaped_in_the_report(folder):
     evil = '<script>alert(1)</script>" onload="x'
     path = folder / "summary.json"
     summary = json.loads(path.read_text(encoding="utf-8"))
@@ -49,7 +49,7 @@ def test_no_text_of_the_summary_becomes_a_tag(folder):
     assert page.count("alert(1)") >= 10
 
 
-def test_a_response_without_a_settling_time_has_a_dash(folder):
+def test_unsettled_response_has_a_dash(folder):
     path = folder / "summary.json"
     summary = json.loads(path.read_text(encoding="utf-8"))
     summary["step_response"]["pi"]["settling_time"] = None
@@ -66,7 +66,7 @@ def test_a_response_without_a_settling_time_has_a_dash(folder):
         ("figure2.svg", "</svg>", "", "figure2.svg: is not an SVG"),
     ],
 )
-def test_what_is_broken_is_named_and_the_old_report_stays(folder, name, old, new, problem):
+def test_broken_input_is_named_and_the_old_report_stays(folder, name, old, new, problem):
     text, before = (folder / name).read_text(encoding="utf-8"), (folder / REPORT).read_bytes()
     (folder / name).write_text(re.sub(old, new, text), encoding="utf-8")
     with pytest.raises(InputError, match=f"{problem}.*recompute the paper into {folder} first"):
@@ -74,7 +74,7 @@ def test_what_is_broken_is_named_and_the_old_report_stays(folder, name, old, new
     assert (folder / REPORT).read_bytes() == before
 
 
-def test_studies_in_the_folder_become_chapters(folder, given, good, undrawn):
+def test_studies_in_the_folder_become_report_chapters(folder, given, good, undrawn):
     good("study", "run", given("tiny.yaml", TINY), "--out", folder / "own")
     assert good("report", folder).out == f"{folder / REPORT} written\n"
     page = (folder / REPORT).read_text(encoding="utf-8")
@@ -102,7 +102,7 @@ def shown(monkeypatch):
 
 
 @pytest.mark.parametrize("other", [{"q_ref": 0 * ANGLES, "q": ANGLES}, {"q_ref": ANGLES}])
-def test_angles_of_a_table(desk, good, shown, other):
+def test_pilot_takes_angles_of_a_table(desk, good, shown, other):
     write_table(desk / "recorded.csv", TIME, other)
     good("view", "recorded.csv", "--record", "a.html", "--pilot")
     (call_,) = shown
@@ -120,7 +120,7 @@ def recording(good, desk):
     return Recording.load(desk / "run.csv")
 
 
-def test_csv_holds_it_over_time(good, desk, recording, robot):
+def test_pilot_csv_holds_felt_motion_over_time(good, desk, recording, robot):
     done = good("pilot", "run.csv", "--out", "new/felt.csv")
     assert done.out.splitlines()[-1] == "new/felt.csv written"
     time, columns = read_table(desk / "new" / "felt.csv")
@@ -137,6 +137,6 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
     np.testing.assert_array_equal(columns["multiple"], head.felt.multiples)
 
 
-def test_that_no_illusion_is_predicted_is_told(good, recording, monkeypatch):
+def test_pilot_tells_that_no_illusion_is_predicted(good, recording, monkeypatch):
     monkeypatch.setattr(import_module("sdt_drake.pilot.illusions"), "illusions", lambda *_: [])
     assert "by clark2019:\n  none\n" in good("pilot", "run.csv").out

@@ -28,7 +28,7 @@ def screen(monkeypatch):
     return shown
 
 
-def test_a_command_shows_and_writes_its_figure(screen, good, desk):
+def test_show_and_out_draw_the_same_figure(screen, good, desk):
     out = good("tune", *FIGURES["tune"], "--show", "--out", "new/figure.pdf").out
     assert out.splitlines()[-1] == "new/figure.pdf written"
     (path,) = (desk / "new").iterdir()
@@ -38,11 +38,11 @@ def test_a_command_shows_and_writes_its_figure(screen, good, desk):
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_without_a_screen_nothing_is_computed(refuse, name):
+def test_show_without_screen_is_refused_before_computing(refuse, name):
     refuse(name, *FIGURES[name], "--show", "--out", "figure.png", saying=["--show: no screen"])
 
 
-def test_a_backend_that_is_not_there_matters_to_show_alone(good, monkeypatch):
+def test_missing_backend_matters_only_to_show(good, monkeypatch):
     """A notebook leaves one, for example."""
     monkeypatch.setenv("MPLBACKEND", "nonsense")
     monkeypatch.setenv("DISPLAY", ":99")
@@ -55,7 +55,7 @@ def test_a_backend_that_is_not_there_matters_to_show_alone(good, monkeypatch):
 # --- how far long work is --------------------------------------------------------------------
 
 
-def test_the_bar_comes_late_and_goes_without_a_trace(monkeypatch):
+def test_progress_bar_comes_late_and_is_erased(monkeypatch):
     terminal, bar = io.StringIO(), printing.Bar()
     monkeypatch.setattr(printing, "errors", Console(file=terminal, force_terminal=True, width=80))
     bar.report(0.1)

@@ -22,7 +22,7 @@ def literals(path: Path) -> list[str]:
     return [ast.unparse(node) for node in texts if node not in parts]
 
 
-def test_no_message_below_the_command_line_has_an_option():
+def test_messages_below_the_command_line_name_no_option():
     root = Path(sdt.__file__).parent
     found = [
         f"{path}: {text}"
@@ -35,7 +35,7 @@ def test_no_message_below_the_command_line_has_an_option():
     assert found == []
 
 
-def test_python_is_told_of_its_arguments():
+def test_python_errors_name_arguments():
     with pytest.raises(InputError, match=r"^cutoff: -1, expected a finite number > 0$"):
         sdt.identify("sdt", "run.csv", cutoff=-1)
 
@@ -66,6 +66,6 @@ TOLD = [
 
 
 @pytest.mark.parametrize(("problem", "given", "line"), TOLD, ids=[line for *_, line in TOLD])
-def test_a_problem_names_the_option_that_gave_the_value(problem, given, line):
+def test_command_errors_name_the_option_of_the_value(problem, given, line):
     bound = inspect.signature(command).bind("own", **given)
     assert str(in_options(InputError(problem), bound)) == line
