@@ -121,7 +121,7 @@ def is_told(model: type, node: Node, value: Any) -> bool:
 
 
 @pytest.mark.parametrize("model", COMMITTED)
-def test_every_field_takes_its_limits_and_refuses_wrong_values_as_editors_do(model):
+def test_every_field_checks_values_as_its_schema(model):
     validator = pytest.importorskip("jsonschema").Draft7Validator
     for node in nodes(model):
         wrong = wrong_values(node.schema)
@@ -135,7 +135,7 @@ def test_every_field_takes_its_limits_and_refuses_wrong_values_as_editors_do(mod
 
 
 @pytest.mark.parametrize("model", COMMITTED)
-def test_no_field_takes_a_number_beyond_the_largest(model):
+def test_numbers_beyond_the_largest_are_refused(model):
     for node in nodes(model):
         kind = node.schema.get("type")
         if kind in ("number", "integer") and node.schema.get("maximum", 0) < MAX_NUMBER:
@@ -152,7 +152,7 @@ def changed(name, fields):
     return made
 
 
-def test_python_may_give_any_sequence_and_nothing_can_change_in_an_object():
+def test_objects_take_any_sequence_and_are_immutable():
     kp = np.ones(4)
     fields = {"controller.kp": kp, "controller.ki": [1] * 4, "period": np.float64(0.01)}
     made = changed("axis_pi", fields)
@@ -179,7 +179,7 @@ def names_of(thing, prefix=""):
 
 
 @pytest.mark.parametrize("name", ["axis_pi", "real_device", "uncertain"])
-def test_a_dotted_name_gives_and_changes_its_field_alone(name):
+def test_dotted_name_changes_its_field_alone(name):
     """All of them, so that one put anywhere else would be seen; a list by entries, too."""
     scenario, other = load_scenario(name), load_scenario("coupled_pi_ctc")
     for field in {*names_of(scenario), *names_of(other)} - {"controller.omega_r", "plant.i_eff"}:
@@ -209,7 +209,7 @@ NO_NAMES = [
 
 
 @pytest.mark.parametrize(("changes", "line"), NO_NAMES)
-def test_what_names_no_field(changes, line):
+def test_dotted_name_of_no_field_is_refused(changes, line):
     scenario = load_scenario("axis_pi")
     for change in (scenario.changed, lambda changes: load_scenario("axis_pi", changes)):
         with pytest.raises(InputError, match=re.escape(line)):
@@ -225,7 +225,7 @@ def test_what_names_no_field(changes, line):
         (Scenario, "scenario: controller.omega_r: missing, the gains need it, or kp and ki"),
     ],
 )
-def test_an_object_made_in_python_is_checked_when_it_is_made(make, line):
+def test_objects_are_checked_when_made_in_python(make, line):
     with pytest.raises(InputError, match=f"^{re.escape(line)}"):
         make()
 
@@ -259,7 +259,7 @@ AXIS = [
 
 
 @pytest.mark.parametrize(("fields", "line"), AXIS, ids=[line for _, line in AXIS])
-def test_a_bad_field_of_a_scenario(fields, line):
+def test_bad_scenario_field_is_named(fields, line):
     with pytest.raises(InputError, match=f"^scenario 'axis_pi': {re.escape(line)}.*$") as error:
         changed("axis_pi", fields)
     assert len(error.value.problems) == 1
@@ -274,7 +274,7 @@ MANY = [
 
 
 @pytest.mark.parametrize("load, text, more", MANY)
-def test_of_many_mistakes_only_those_that_are_told_cost_time(
+def test_similar_names_are_searched_for_told_mistakes_alone(
     load, text, more, tmp_path, monkeypatch
 ):
     """A search for similar names takes up to milliseconds, and a small file has 90 000 mistakes."""
@@ -291,7 +291,7 @@ def test_of_many_mistakes_only_those_that_are_told_cost_time(
     assert all("another problem" not in line for line in told)
 
 
-def test_a_file_has_not_more_mappings_than_are_checked_in_time(monkeypatch):
+def test_file_with_too_many_mappings_is_refused(monkeypatch):
     monkeypatch.setattr(fields, "_MAX_MAPPINGS", 3)
     with pytest.raises(InputError, match=r"motors\[3\]: more than 3 mappings"):
         load_catalogue()
@@ -317,7 +317,7 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize(("kinds", "field", "value", "line"), OPTIONS)
-def test_what_the_kind_of_controller_or_plant_would_not_use(kinds, field, value, line):
+def test_unused_field_of_controller_or_plant_is_refused(kinds, field, value, line):
     for kind in kinds:
         fields = {"controller.kind": kind}
         changed("coupled_pi", fields)
@@ -325,7 +325,7 @@ def test_what_the_kind_of_controller_or_plant_would_not_use(kinds, field, value,
             changed("coupled_pi", fields | {field: value})
 
 
-def test_a_model_without_a_file_has_a_schema_too():
+def test_model_without_a_file_has_a_schema():
     """As those of controllers in files that are run; its fields have no descriptions then."""
     made_here: dict[str, Any] = {"Input": Input, "dataclass": dataclass}
     exec("@dataclass(frozen=True)\nclass Own(Input):\n    x: float = 1.0\n", made_here)

@@ -29,7 +29,7 @@ def folder(tmp_path):
 
 @pytest.mark.parametrize("there", [True, False])
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
-def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
+def test_unfinished_file_set_leaves_nothing(folder, there, error):
     before = command_line.snapshot(folder)
     with pytest.raises(error), replacing_files(folder / ("" if there else "new/below")) as new:
         write_text(new / "a.csv", "new")
@@ -37,7 +37,7 @@ def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
     assert command_line.snapshot(folder) == before
 
 
-def test_nothing_is_left_of_a_set_that_may_not_move(folder):
+def test_file_set_that_cannot_move_leaves_nothing(folder):
     before = command_line.snapshot(folder)
     refused = pytest.raises(InputError, match=r"a\.csv: is no \.csv file")
     with keeping_inputs(), refused, replacing_files(folder) as new:
@@ -46,7 +46,7 @@ def test_nothing_is_left_of_a_set_that_may_not_move(folder):
     assert command_line.snapshot(folder) == before
 
 
-def test_the_last_file_tells_that_the_others_are_there(folder, monkeypatch):
+def test_marker_file_of_a_set_is_written_last(folder, monkeypatch):
     order, replace = [], Path.replace
     monkeypatch.setattr(Path, "replace", lambda x, y: order.append(y.name) or replace(x, y))
     with replacing_files(folder, last="a.csv") as new:
@@ -68,9 +68,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_what_cannot_be_replaced_is_told_before_anything_is_computed(
-    refuse, desk, monkeypatch, line
-):
+def test_unreplaceable_output_is_refused_before_computing(refuse, desk, monkeypatch, line):
     names, computes = COMMANDS[line]
     module, _, function = computes.rpartition(".")
     monkeypatch.setattr(importlib.import_module(f"sdt_drake.{module}"), function, None)

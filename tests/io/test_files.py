@@ -35,7 +35,7 @@ USES = [checked_input, find_file, read_table, lambda path: read_text(path, 10), 
 
 
 @pytest.mark.parametrize("use", USES)
-def test_names_that_nothing_can_show_pipes_and_folders_are_refused(tmp_path, use):
+def test_unprintable_names_pipes_and_folders_are_refused(tmp_path, use):
     for name in ("a\0b", "a\nb", "a\x1b[31mb", "a\udcffb", "a\ud800b"):
         refused("control characters or no UTF-8", use, tmp_path / name)
     os.mkfifo(tmp_path / "pipe")
@@ -44,7 +44,7 @@ def test_names_that_nothing_can_show_pipes_and_folders_are_refused(tmp_path, use
     assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
 
 
-def test_links_stay_links_and_lead_somewhere(path):
+def test_symbolic_links_stay_and_dangling_ones_are_refused(path):
     write(path.with_name("link"))
     assert path.with_name("link").is_symlink() and path.read_text() == "new"
     for target in ("nowhere/at/all", "lost"):
@@ -54,7 +54,7 @@ def test_links_stay_links_and_lead_somewhere(path):
 
 
 @pytest.mark.parametrize("alias", ["file.csv", "../{}/file.csv", "link"])
-def test_what_is_read_is_replaced_by_the_same_only(path, alias):
+def test_input_is_not_replaced_by_output(path, alias):
     other = path.parent / alias.format(path.parent.name)
     path.write_text("a,b")
     with keeping_inputs():
@@ -85,7 +85,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_file_of_another_kind_is_not_replaced_and_told_before_work(tmp_path, name):
+def test_file_of_another_kind_is_not_replaced(tmp_path, name):
     path = tmp_path / name
     for old in ("", *KINDS[name]):
         path.write_text(old, encoding="latin-1")
@@ -100,14 +100,14 @@ def test_a_file_of_another_kind_is_not_replaced_and_told_before_work(tmp_path, n
     write(path)  # Python replaces any file
 
 
-def test_two_that_write_the_same_file_do_not_meet(path):
+def test_concurrent_writers_of_one_file_do_not_mix(path):
     with replacing(path) as one, replacing(path) as other:
         one.write_text("one")
         other.write_text("other")
     assert path.read_text() == "one" and len(list(path.parent.iterdir())) == 2
 
 
-def test_a_folder_is_for_one_at_a_time(tmp_path):
+def test_taken_folder_is_refused_and_not_left_behind(tmp_path):
     def taken():
         raise InputError("another process")
 
@@ -116,7 +116,7 @@ def test_a_folder_is_for_one_at_a_time(tmp_path):
     assert not (tmp_path / "new").exists()  # as it is empty
 
 
-def test_numbers_at_their_bounds(path):
+def test_numbers_are_accepted_at_their_bounds(path):
     assert read_text(path, 3) == "old" and finite_number(0, "x", minimum=0) == 0
     refused("file.csv: 3 bytes, expected at most 2", read_text, path, 2)
     with pytest.raises(InputError, match=r"^x: 0, expected a finite number > 0$"):

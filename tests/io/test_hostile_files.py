@@ -103,7 +103,7 @@ def changed(draw, content: bytes) -> bytes:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", READERS)
-def test_any_bytes_are_an_object_that_can_be_written_or_an_input_error(name, tmp_path):
+def test_random_bytes_give_a_writable_object_or_an_input_error(name, tmp_path):
     (content, read), file, again = READERS[name], tmp_path / name, tmp_path / "again.yaml"
 
     @settings(suppress_health_check=list(HealthCheck))
@@ -144,14 +144,14 @@ LARGE = [
 
 
 @pytest.mark.parametrize("name, write, message", LARGE)
-def test_files_that_need_more_memory_than_their_size_are_refused(name, write, message, monkeypatch):
+def test_files_that_expand_in_memory_are_refused(name, write, message, monkeypatch):
     monkeypatch.setattr(formats, "MAX_NUMBERS", 900)
     with TemporaryDirectory() as folder, pytest.raises(InputError, match=message):
         write(Path(folder) / name)
         read_table(Path(folder) / name)
 
 
-def test_compressed_matrices_are_those_of_scipy(tmp_path):
+def test_compressed_matrices_equal_scipys(tmp_path):
     q = np.arange(12, dtype=np.int16).reshape(6, 2)
     content = {"time": np.arange(6.0), "log": {"q": q, "deeper": {"v": q / 8}}, "text": "a"}
     savemat(tmp_path / "a.mat", content, do_compression=True, oned_as="column")
@@ -168,7 +168,7 @@ IN_A_WORLD = ARM.replace("<model", "<world name='w'><model").replace("</sdf>", "
 
 @pytest.mark.parametrize("text", [ARM, IN_A_WORLD], ids=["model", "world"])
 @pytest.mark.parametrize("place", ["<model", "</model>", "</link>"])
-def test_a_robot_includes_no_other_file(place, text, tmp_path):
+def test_robot_that_includes_files_is_refused(place, text, tmp_path):
     secret, path = tmp_path / "secret.sdf", tmp_path / "a.sdf"
     secret.write_text(ARM)
     path.write_text(text.replace(place, f"<include><uri>{secret}</uri></include>{place}", 1))
@@ -192,7 +192,7 @@ ROWS += ["0, 1, 'ok', x'00', 1, 1", "0, 1, NULL, '', 1, 1", "0, 1, 'ok', '', 1, 
 
 
 @pytest.mark.parametrize("values", ROWS)
-def test_a_row_of_a_study_holds_what_a_run_writes(values, tmp_path):
+def test_study_row_with_impossible_values_is_refused(values, tmp_path):
     create(tmp_path, *STUDY)
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.execute(f"INSERT INTO rows VALUES ({values})")
@@ -203,7 +203,7 @@ def test_a_row_of_a_study_holds_what_a_run_writes(values, tmp_path):
 
 
 @pytest.mark.parametrize("number", [-1, 2])
-def test_a_row_of_a_study_is_one_of_its_rows(number, tmp_path):
+def test_study_row_out_of_range_is_refused(number, tmp_path):
     create(tmp_path, *STUDY)
     with sqlite3.connect(tmp_path / DATABASE) as base:
         base.execute(f"INSERT INTO rows VALUES ({number}, 1, 'ok', '', 1, 1)")
@@ -213,7 +213,7 @@ def test_a_row_of_a_study_is_one_of_its_rows(number, tmp_path):
 
 
 @pytest.mark.parametrize("statements", [*ABOUTS, *COLUMNS, *STATEMENTS])
-def test_a_study_has_its_files_in_its_folder_and_computes_nothing(statements, tmp_path):
+def test_study_database_with_impossible_contents_is_refused(statements, tmp_path):
     message = "more than two tables of values"
     if not isinstance(statements, str):
         statements = f"UPDATE study SET about = '{json.dumps(statements)}'"

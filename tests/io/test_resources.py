@@ -11,7 +11,7 @@ from sdt_drake.io.yaml_files import read_yaml
 from sdt_drake.run.scenario import load_scenario
 
 
-def test_every_file_that_ships_has_one_short_name():
+def test_shipped_files_have_one_short_name():
     files = {x.stem: x for x in models_dir().rglob("*") if x.suffix in (".yaml", ".sdf", ".csv")}
     assert {name: find_file(name, *SHIPPED) for name in shipped(*SHIPPED)} == files
     assert set(Counter(name for kind in SHIPPED for name in shipped(kind)).values()) == {1}
@@ -22,7 +22,7 @@ def test_every_file_that_ships_has_one_short_name():
 # --- --set ----------------------------------------------------------------------------------------
 
 
-def test_changes_are_as_in_the_file_but_paths_start_where_we_are(tmp_path, monkeypatch):
+def test_set_acts_as_in_the_file_with_paths_from_here(tmp_path, monkeypatch):
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "run.yaml").write_text(
         "{robot: its.sdf, controller: {omega_r: 60, zeta: [1, 1]}, plant: }"
@@ -82,13 +82,13 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD)
-def test_refused(tmp_path, text, message):
+def test_bad_yaml_is_refused(tmp_path, text, message):
     (tmp_path / "file.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=rf"file\.yaml: {message}"):
         read_yaml(tmp_path / "file.yaml")
 
 
-def test_what_yaml_can_say_is_read_as_drake_does(tmp_path):
+def test_yaml_is_read_as_drake_does(tmp_path):
     text = "a: &a {x: [1, 2], y: 1e3}\nb: {<<: *a, y: *a}\nc: {<<: [*a, {x: 3, z: 4}], y: 5}\n"
     text += (
         "_hidden: !Kind {x: .inf}\nd: [~, true, 0x10, -1, 1.5]\ne: |\n  two\tparts\n  and lines\n"

@@ -18,7 +18,7 @@ NUMBERS = st.floats(-MAX_NUMBER, MAX_NUMBER)
 
 
 @pytest.mark.parametrize("suffix", TABLES)
-def test_a_table_is_read_back_bit_by_bit(tmp_path, suffix):
+def test_table_is_read_back_bit_by_bit(tmp_path, suffix):
     path = tmp_path / "new" / "folder" / f"table{suffix}"
 
     @given(st.data(), st.integers(2, 4), st.integers(1, 5))
@@ -34,7 +34,7 @@ def test_a_table_is_read_back_bit_by_bit(tmp_path, suffix):
     check()
 
 
-def test_other_tools_find_the_columns(tmp_path):
+def test_other_tools_read_the_columns(tmp_path):
     q = np.arange(15.0).reshape(5, 3)
     for suffix in TABLES:
         write_table(tmp_path / f"a{suffix}", np.arange(5.0), {"q": q})
@@ -81,12 +81,12 @@ BAD += [(GOOD.encode(x), "saved as UTF-8$") for x in ("utf-16", "utf-16-le", "ut
 
 
 @pytest.mark.parametrize("text, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_table_is_refused_with_file_line_and_value(tmp_path, text, message):
+def test_bad_table_is_refused_with_file_line_and_value(tmp_path, text, message):
     content = text if isinstance(text, bytes) else text.encode()
     refuse(tmp_path / "bad.csv", rf"bad\.csv.*{message}", content)
 
 
-def test_a_table_that_is_too_large_is_refused(tmp_path, monkeypatch):
+def test_too_large_table_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text(GOOD)
     monkeypatch.setattr(numbers, "MAX_NUMBERS", 9)

@@ -71,7 +71,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_without_a_terminal_nothing_is_run(refuse, own, command):
+def test_untrusted_python_without_terminal_is_not_run(refuse, own, command):
     refuse(*command.split(), saying=[f"{own}: is Python", digest(own), "--trust"])
     assert ran(own) == 0
 
@@ -83,7 +83,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_an_answer_is_kept_for_this_content_at_this_place(call, good, own, monkeypatch):
+def test_trust_is_kept_for_this_content_at_this_place(call, good, own, monkeypatch):
     tune = ("tune", "../given/own.yaml")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     for answer in ("", "n\n", "\n", "nay\n"):
@@ -104,7 +104,7 @@ def test_an_answer_is_kept_for_this_content_at_this_place(call, good, own, monke
     assert call(*tune).code == 2
 
 
-def test_an_answer_is_kept_in_a_list_that_was_edited(call, own, monkeypatch):
+def test_trust_is_kept_in_an_edited_list(call, own, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(sys, "stdin", Terminal("y\n"))
     kept().parent.mkdir()
@@ -113,13 +113,13 @@ def test_an_answer_is_kept_in_a_list_that_was_edited(call, own, monkeypatch):
     assert json.loads(kept().read_text()) == {"/a": "b", str(own): digest(own)}
 
 
-def test_answers_given_at_once_are_all_kept():
+def test_concurrent_answers_are_all_kept():
     with multiprocessing.get_context("spawn").Pool(4) as pool:
         pool.starmap(trust.keep, [(f"/{k}", "x") for k in range(40)], chunksize=10)
     assert json.loads(kept().read_text()) == {f"/{k}": "x" for k in range(40)}
 
 
-def test_the_bytes_that_are_run_are_those_that_were_judged(own):
+def test_trusted_bytes_are_the_ones_run(own):
     with pytest.raises(InputError, match=r"own\.py: is Python .*trust=True"):
         load_scenario("../given/own.yaml")
 
@@ -132,9 +132,7 @@ def test_the_bytes_that_are_run_are_those_that_were_judged(own):
     assert ran(own) == 1
 
 
-def test_studies_ask_for_all_their_files_and_their_processes_do_not(
-    good, refuse, own, desk, undrawn
-):
+def test_studies_ask_once_for_all_their_files(good, refuse, own, desk, undrawn):
     study, base = load_study("../given/study.yaml", trust=True)
     with pytest.raises(InputError, match=r"other\.py: is Python"):
         make_job(study, base)
@@ -150,7 +148,7 @@ def test_studies_ask_for_all_their_files_and_their_processes_do_not(
 
 
 @pytest.mark.parametrize("text", ["[]", "[" * 100_000])
-def test_a_broken_list_is_a_line(refuse, own, text):
+def test_broken_trust_list_is_one_line(refuse, own, text):
     kept().parent.mkdir()
     kept().write_text(text)
     refuse("tune", "../given/own.yaml", saying=[f"{kept()}: cannot be read"])
@@ -159,7 +157,9 @@ def test_a_broken_list_is_a_line(refuse, own, text):
 @pytest.mark.parametrize(
     ("name", "place", "said"), [("XDG_CONFIG_HOME", "h", "--trust"), ("HOME", "h/.config", "$HOME")]
 )
-def test_a_relative_place_of_the_list_is_none(desk, own, refuse, monkeypatch, name, place, said):
+def test_relative_place_of_the_trust_list_is_refused(
+    desk, own, refuse, monkeypatch, name, place, said
+):
     """Or the working directory could bring its own."""
     monkeypatch.setenv("XDG_CONFIG_HOME", "")
     monkeypatch.setenv("HOME", str(desk / "home"))

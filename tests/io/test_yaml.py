@@ -23,7 +23,7 @@ VALUES = [
 
 
 @pytest.mark.parametrize("values", VALUES)
-def test_values_are_read_back_and_comments_stay(values):
+def test_written_yaml_is_read_back_with_comments(values):
     text = with_values(TEXT, values)
     given = {"name": "", "inner": {"list": []}, "last": 5.0}
     for name, value in values.items():
@@ -34,7 +34,7 @@ def test_values_are_read_back_and_comments_stay(values):
     assert sum("# each" in line and line.startswith("  list:") for line in lines) == 1
 
 
-def test_comments_change_no_value_and_objects_are_their_mappings():
+def test_yaml_comments_change_no_value():
     thing = {"a": [Turn(at=1.0, to_deg=3.0, duration=2.0), [1.0, 2.0]], "b": "c"}
     text = yaml_text(thing, comments={"": "one\ntwo", "a[1]": "of\nit", "b": "last"})
     assert parse_yaml(text) == {"a": [TURN, [1.0, 2.0]], "b": "c"}
