@@ -19,7 +19,7 @@ from sdt_drake.machine.recordings import Recorded
 from sdt_drake.show.reports.identification import friction_table
 
 
-def test_a_sign_is_wrong_where_friction_drives_beyond_its_error(robot, found):
+def test_negative_friction_beyond_its_error_means_wrong_sign(robot, found):
     """A tool that the file does not have may turn its torque round, but not that of friction."""
     eq, one = found.equations, found.estimate
     turned, drives = replace(eq, nominal=-eq.nominal), replace(one, friction=-9 * one.friction)
@@ -29,7 +29,7 @@ def test_a_sign_is_wrong_where_friction_drives_beyond_its_error(robot, found):
         assert joints == [(k + 1,) for k in range(count)]
 
 
-def test_recordings_that_say_nothing_are_refused(robot, true):
+def test_recording_without_excitation_is_refused(robot, true):
     recorded = recorded_of(true, seconds=8.0)
     tau, q = recorded.signals["tau"], recorded.signals["q"]
     with pytest.raises(InputError, match=r"truth\.csv: tau_2: 0 N m in all samples"):
@@ -55,7 +55,7 @@ def test_recordings_that_say_nothing_are_refused(robot, true):
         identify(robot, [short])
 
 
-def test_uneven_time_and_gaps(robot, true):
+def test_uneven_time_is_read_and_gaps_are_refused(robot, true):
     recorded = recorded_of(true, noise=0.0)
     rng = np.random.default_rng(5)
     kept = np.sort(rng.permutation(len(recorded.time))[: int(0.97 * len(recorded.time))])
@@ -104,7 +104,7 @@ def found(truth, recorded) -> list[Finding]:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_with_what_to_write(arm, fault):
+def test_recording_fault_is_named_with_columns_to_write(arm, fault):
     kind, begin, remedy = FAULTS[fault]
     said = found(arm, getattr(simulated, fault)(arm, np.random.default_rng(2)))
     assert {x.kind for x in said} == {kind}

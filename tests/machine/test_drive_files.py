@@ -54,7 +54,7 @@ def drives_with(cycle_time=0.001, **fields):
     return Drives(cycle_time=cycle_time, axes=axes)
 
 
-def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion):
+def test_resampled_points_lie_on_the_trajectory(robot, motion):
     samples = samples_of(robot, motion, 0.0007)
     t = np.minimum(np.arange(len(samples.q)) * 0.0007, motion.duration)
     assert 0 <= t[-1] - t[-2] <= 0.0007 and t[-1] == motion.duration
@@ -69,7 +69,7 @@ def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion
 @pytest.mark.parametrize(
     ("unit", "per_turn_and_second"), [("increments/s", 2**20), ("rpm", 60), ("0.001 rpm", 60_000)]
 )
-def test_integers_are_rounded_motion_and_do_not_drift(robot, motion, unit, per_turn_and_second):
+def test_set_points_round_the_motion_without_drift(robot, motion, unit, per_turn_and_second):
     drives = drives_with(
         speed_unit=[unit] * 4,
         sign=[1, -1, 1, -1],
@@ -93,7 +93,7 @@ def test_integers_are_rounded_motion_and_do_not_drift(robot, motion, unit, per_t
     assert np.abs(points.torque - per_mille).max() <= 0.5 + 1e-9
 
 
-def test_axes_read_different_objects(robot, motion, tmp_path):
+def test_axes_may_read_different_objects(robot, motion, tmp_path):
     """A speed drive follows the same way from where it stands, which a file of speeds alone does
     not tell; a position drive knows no torque."""
     objects = [["60FFh", "6071h"], ["607Ah"], ["607Ah", "60B1h", "60B2h"], ["60FFh"]]
@@ -112,7 +112,7 @@ def test_axes_read_different_objects(robot, motion, tmp_path):
 # --- files -----------------------------------------------------------------------------------
 
 
-def test_structured_text_is_that_of_a_parser(robot, motion, tmp_path):
+def test_structured_text_parses_with_blark(robot, motion, tmp_path):
     """blark parses what IEC 61131-3 and TwinCAT take; slowly, so a few cycles."""
     blark = pytest.importorskip("blark")
     drives = drives_with()
@@ -125,7 +125,7 @@ def test_structured_text_is_that_of_a_parser(robot, motion, tmp_path):
     assert str(block.name) == "SdtMotion"
 
 
-def test_a_cam_table_has_few_points_and_stays_near(robot, motion, tmp_path):
+def test_cam_table_stays_within_tolerance_with_few_points(robot, motion, tmp_path):
     drives = drives_with(sign=[1, -1, 1, -1], zero=[0, 7, -500, 2**20])
     samples, path = samples_of(robot, motion, drives.cycle_time), tmp_path / "cam.csv"
     off = []
@@ -138,7 +138,7 @@ def test_a_cam_table_has_few_points_and_stays_near(robot, motion, tmp_path):
     assert off[2] < 4e-6 and off[1] < 1e-4 < off[0] < 0.05
 
 
-def test_numbers_without_a_point_are_numbers_to_yaml(robot, motion, tmp_path):
+def test_trajectory_numbers_stay_numbers_in_yaml(robot, motion, tmp_path):
     own = samples_of(robot, motion, motion.period)
     own.q[0] = -1e-05, 2e16, 5e-324, 1.5e-07
     formats.write_trajectory(tmp_path / "t.yaml", robot, own, motion.vd)
@@ -147,7 +147,7 @@ def test_numbers_without_a_point_are_numbers_to_yaml(robot, motion, tmp_path):
     np.testing.assert_array_equal(read_trajectory(tmp_path / "t.yaml", robot).q, own.q)
 
 
-def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, motion, tmp_path):
+def test_drive_table_is_motor_side_with_whole_torque(robot, motion, tmp_path):
     write_drive_table(tmp_path / "d.csv", robot, samples_of(robot, motion, motion.period))
     time, columns = read_table(tmp_path / "d.csv")
     np.testing.assert_array_equal(time, motion.time)
@@ -169,13 +169,13 @@ def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, motion, tmp_pa
         ({"maximum_torque": [1e4, 1e4, 1e4, 1.0]}, "joint 4 'yaw' .* torque of .* accepts 1$"),
     ],
 )
-def test_what_a_drive_cannot_take_is_refused(robot, motion, fields, told):
+def test_set_points_beyond_a_drive_are_refused(robot, motion, fields, told):
     drives = drives_with(**fields)
     with pytest.raises(InputError, match=told):
         set_points(robot, drives, samples_of(robot, motion, 0.001))
 
 
-def test_what_a_drive_does_not_read_may_be_beyond_its_bits(robot, motion):
+def test_unread_objects_may_exceed_their_bits(robot, motion):
     """A speed drive turns on and on; only what its motor can give is a bound for every drive."""
     samples, unread = samples_of(robot, motion, 0.001), [["607Ah"], ["60FFh"]] * 2
     rated = {"rated_torque": [1e-3, 1e3, 1e3, 1e3]}
@@ -196,13 +196,13 @@ AXIS = "{increments: 4096, rated_torque: 10"
         (AXIS + "}, " + AXIS + "}", r"axes: 2 value\(s\), expected 1, one for each joint"),
     ],
 )
-def test_drives_are_checked(tmp_path, axis, told):
+def test_bad_drive_fields_are_refused(tmp_path, axis, told):
     (tmp_path / "d.yaml").write_text(f"cycle_time: 0.001\naxes: [{axis}]\n")
     with pytest.raises(InputError, match=told):
         load_drives(tmp_path / "d.yaml", 1)
 
 
-def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
+def test_function_block_rests_until_started(robot, tmp_path):
     """A motion that accelerates from its first sample on; joint 2 holds the links against
     gravity."""
     t = np.arange(41)[:, None] * 0.005
@@ -228,7 +228,7 @@ def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
     assert said["TorqueOffset"][1] != 0 and abs(first.torque[0] - said["TorqueOffset"]).max() > 10
 
 
-def test_names_are_text_in_the_read_me(robot, motion, tmp_path):
+def test_names_are_escaped_in_the_read_me(robot, motion, tmp_path):
     """No tag, link or further cell; the page is read as GitHub reads it, with HTML on."""
     names = ('<img src=x onerror="alert(1)">|x', "[a](javascript:b)", "<script>`&lt;", "a\\|b")
     design = make_design(Scenario(controller=Pi(omega_r=66)), robot=robot, motion=motion)
@@ -265,7 +265,7 @@ def test_files_hold_what_the_loop_is_fed_from(robot, motion, tmp_path):
 # --- what a loop makes of the files ------------------------------------------------------------
 
 
-def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypatch, motion):
+def test_export_tells_the_errors_of_a_loop_on_its_files(tmp_path, capsys, monkeypatch, motion):
     monkeypatch.chdir(tmp_path)
     motion.to_csv("m.csv")
     drive = "drives"
@@ -284,7 +284,7 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
 
 
 @pytest.mark.parametrize(("kind", "has_torque"), [("p_pi", True), ("p_pi", False), ("pi_id", True)])
-def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, has_torque):
+def test_learned_torque_is_exported_as_flown(tmp_path, robot, motion, kind, has_torque):
     """With the torques that were fed forward beside it, and no others; errors are those against
     the planned motion, as `simulate` tells them."""
     scenario = Scenario(controller=CONTROLLERS[kind](omega_r=66.0))

@@ -38,7 +38,7 @@ def planned(excitation) -> Motion:
     return plan.motion
 
 
-def test_the_planner_takes_it_as_it_is_and_it_uses_what_it_may(arm, excitation):
+def test_exciting_motion_is_planned_unchanged_and_uses_its_limits(arm, excitation):
     motion = planned(excitation)
     assert motion.duration == 20 and np.abs(motion.v[[0, -1]]).max() < 1e-9
     again = round(1 / excitation.base_frequency / motion.period)
@@ -54,7 +54,7 @@ def test_the_planner_takes_it_as_it_is_and_it_uses_what_it_may(arm, excitation):
     assert 0.7 < max(share.max() for share in excitation.used.values()) <= 0.8 + 1e-6
 
 
-def test_the_standard_deviations_are_those_of_fits_to_noise(arm, excitation):
+def test_expected_deviations_equal_those_of_fits_to_noise(arm, excitation):
     """Of 300 recordings with torques of noise alone, solved by numpy."""
     motion, target = planned(excitation), excitation.target
     every = round(1 / RATE / motion.period)
@@ -88,7 +88,7 @@ def test_bad_options_of_excite_are_one_line(refuse, options, message):
     refuse("excite", "../given/arm.sdf", "--out", "x.yaml", *options.split(), saying=[message])
 
 
-def test_what_a_file_does_not_limit_is_assumed(arm):
+def test_excitation_assumes_missing_limits(arm):
     """Of the second joint: what its motor gives the least inertia about it."""
     accelerations, *_ = assumed(arm)
     highest = Limits.of(arm, 1.0).acceleration

@@ -30,7 +30,7 @@ def mappings(draw) -> FlightColumns:
 
 
 @given(mappings(), GENERATORS)
-def test_any_units_axes_and_lever_give_the_same_head_motion(tmp_path_factory, m, rng):
+def test_flight_is_the_same_in_any_units_axes_and_lever(tmp_path_factory, m, rng):
     time, alpha = 0.01 * np.arange(50), rng.normal(size=3)
     omega = rng.normal(size=3) + alpha * time[:, None]  # straight: its differences are exact
     force = rng.normal(size=(50, 3))
@@ -62,7 +62,7 @@ def test_any_units_axes_and_lever_give_the_same_head_motion(tmp_path_factory, m,
         (lambda f: f, np.degrees, "unit", "is it in degrees", "omega_unit: deg/s"),
     ],
 )
-def test_a_wrong_unit_or_axis_is_named(force, rate, kind, words, remedy):
+def test_wrong_unit_or_axis_of_flight_is_named(force, rate, kind, words, remedy):
     flight = read_flight("turn")
     assert check_flight(flight) == []
     wrong = make_flight(flight.time, force(flight.specific_force), rate(flight.angular_rate))
@@ -71,7 +71,7 @@ def test_a_wrong_unit_or_axis_is_named(force, rate, kind, words, remedy):
     assert words in found.sentence
 
 
-def test_means_around_a_time_keep_the_integral():
+def test_moving_means_keep_the_integral():
     flight = read_flight("turn")
     force, _ = flight.means(0.2 * np.arange(-20, 420), 0.2)
     np.testing.assert_allclose(force[0], flight.specific_force[0], rtol=1e-9)

@@ -59,7 +59,7 @@ def used(robot, motion):
     return np.abs(both).max(axis=(0, 1)) / robot.effort_limit
 
 
-def test_a_motion_of_the_device_is_found_again(robot):
+def test_flight_made_by_a_motion_gives_that_motion_back(robot):
     """What the device itself can do, from the head's motion alone."""
     t = 0.005 * np.arange(1601)
     v = np.zeros((len(t), 4))
@@ -77,12 +77,12 @@ def test_a_motion_of_the_device_is_found_again(robot):
     assert np.all(rate < 0.1 * np.array([2.04, 2.07, 1.58]))
 
 
-def test_the_old_name_of_candidates_works_and_warns(flown):
+def test_old_candidate_name_works_and_warns(flown):
     with pytest.warns(DeprecationWarning, match="options is candidates now, and goes in 0.7"):
         assert flown.options == flown.candidates
 
 
-def test_any_robot_with_a_head_flies_within_its_limits(onset):
+def test_random_robot_with_head_flies_within_limits(onset):
     robot = loaded(chain_sdf(3, motors={"effort": np.full(3, 20.0)}, extra=FRAME))
     found = fly(robot, onset, compare=False, torque_margin=1.0, g_weight=1.5, **QUICK)
     assert 0.9 < used(robot, found.motion).max() <= 1
@@ -90,14 +90,14 @@ def test_any_robot_with_a_head_flies_within_its_limits(onset):
         fly(loaded(chain_sdf(3)), onset)
 
 
-def test_an_idle_g_is_waited_at(robot):
+def test_idle_g_is_reached_in_the_approach(robot):
     ends = {"approach": 6.0, "departure": 2.0, "knot": 0.5, "compare": False}
     found = fly(robot, piece(0.0, 1.0), idle_g=1.4, g_weight=1.5, **ends)
     at = round(0.8 * 6 / 0.005)
     assert found.chosen.head.resultant_g[at] == pytest.approx(1.4, abs=0.1)
 
 
-def test_an_interrupt_keeps_the_best_so_far(robot, onset):
+def test_interrupted_search_keeps_the_best_candidate(robot, onset):
     pressed = []
 
     def interrupt(done):
@@ -141,7 +141,7 @@ def test_pinocchios_torques_of_a_flown_motion_are_within_the_limits(robot, flown
     assert 0.85 < share.max() < 0.95 * 1.01
 
 
-def test_forces_across_the_head_weigh_twice_their_thresholds(robot):
+def test_force_weights_follow_thresholds_of_direction(robot):
     """At rest, with errors of 1 m/s² along one axis: (W H / s_f)² for 5 knots of 0.4 s."""
     still = Trajectory(0.4, *np.zeros((3, 5, 4)))
     force = head_motion(robot, still.q, still.v, still.a).specific_force
@@ -157,7 +157,7 @@ def test_forces_across_the_head_weigh_twice_their_thresholds(robot):
     np.testing.assert_allclose(costs, expected)
 
 
-def test_a_course_between_knots_is_exact():
+def test_course_between_knots_is_exact():
     rng = np.random.default_rng(2)
     h, a = 0.4, rng.normal(size=(6, 2))
     v = np.vstack([np.zeros(2), np.cumsum(h * (a[1:] + a[:-1]) / 2, axis=0)])
@@ -194,7 +194,7 @@ def high_passed(error, period):
     return lsim(([5.7, 0], [5.7, 1]), error, period * np.arange(len(error)))[1]
 
 
-def test_the_motion_keeps_all_limits(robot, flown, tmp_path):
+def test_motion_keeps_all_limits_at_every_sample(robot, flown, tmp_path):
     motion, share = flown.motion, used(robot, flown.motion)
     assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
     assert 0.9 < share.max() < 0.95 * 1.01
@@ -204,7 +204,7 @@ def test_the_motion_keeps_all_limits(robot, flown, tmp_path):
     assert not load_plan(tmp_path / "motion.csv", robot).limited.any()
 
 
-def test_errors_are_those_of_an_independent_kinematics(onset, flown):
+def test_figures_equal_independent_kinematics(onset, flown):
     """Rotations of scipy with numbers of the SDF; force from differences of the head's places."""
     motion, period = flown.motion, flown.motion.period
     place, turned, rate = head_by_hand(motion.q, motion.v)
@@ -226,7 +226,7 @@ def test_errors_are_those_of_an_independent_kinematics(onset, flown):
 
 
 @pytest.mark.parametrize(("share", "is_tightened"), [(0.9, False), (1.0, True)])
-def test_torque_between_knots_exceeds_an_allowed_share_but_never_the_motors(
+def test_torque_between_knots_may_exceed_the_share_but_not_the_motors(
     robot, onset, flown, share, is_tightened
 ):
     limit = robot.effort_limit * used(robot, flown.motion) / (1.001 * share)

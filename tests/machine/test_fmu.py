@@ -30,7 +30,7 @@ def by_reference(designed, tmp_path_factory):
     return design, path
 
 
-def test_ten_seconds_are_those_of_the_direct_run(by_reference):
+def test_fmu_runs_ten_seconds_as_the_direct_loop(by_reference):
     """Times of samples that are added up in place of multiplied are off late in the motion."""
     design, path = by_reference
     motion, direct = design.reference.held, simulate(design)
@@ -49,7 +49,7 @@ def test_ten_seconds_are_those_of_the_direct_run(by_reference):
         assert np.linalg.norm(fmu.get("specific_force")) > 9
 
 
-def test_torque_parameters_and_start_are_those_of_a_loop_here(designed, tmp_path):
+def test_fmu_parameters_and_start_act_as_in_a_direct_loop(designed, tmp_path):
     """Three instances at a time: as exported, without friction, and with other parameters."""
 
     def made(payload=0.0, **friction):

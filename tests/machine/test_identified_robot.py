@@ -24,7 +24,7 @@ from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.sdf import SYMMETRIC, links_by_name, parse_xml
 
 
-def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_path):
+def test_payload_heavier_than_its_link_is_written_as_measured(tmp_path):
     """2.8 kg at a hand of 200 g: its links in the file would rather have it heavier and nearer."""
 
     def arm(name, mass, com):
@@ -54,7 +54,7 @@ def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_p
     assert not any(one.kind == "inconsistent" for one in found.findings)
 
 
-def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
+def test_poorly_explained_joints_are_named_with_numbers(found):
     eq = found.equations
     free = found.estimate.torque(eq)
     error = np.where(np.arange(len(eq.time)) % 2, 1.0, -1.0) * np.std(eq.tau[eq.fit], axis=0)[1]
@@ -67,7 +67,7 @@ def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
     assert re.match(r"joint 2: .* links do not explain 5\.\d % .* \d\.\d %$", one.sentence)
 
 
-def test_spread_between_recordings_is_of_all_joints_where_one_has_less():
+def test_spread_between_recordings_is_pooled_where_a_joint_has_less():
     days = np.array([[[1.0, 0.0], [0.0, 0.0]], [[-1.0, 0.0], [0.0, 0.0]]])
     found = model._between(days, np.array([[10.0, 1.0], [5.0, 0.0]]))
     one = np.sqrt(2) / 10
@@ -75,7 +75,7 @@ def test_spread_between_recordings_is_of_all_joints_where_one_has_less():
     assert not model._between(days[:1], np.ones((2, 2))).any()
 
 
-def test_friction_of_a_scenario_has_no_damping_and_no_stiff_bristles(tmp_path):
+def test_scenario_friction_has_no_damping_and_no_stiff_bristles(tmp_path):
     """Damping of bristles, 5 ms F_c / z_c, over the least inertia: a pole that caps the step."""
     text = re.sub("<damping>.*?<", "<damping>9<", chain_sdf(4, rotor_inertia=1e-4))
     (tmp_path / "chain.sdf").write_text(text)
@@ -90,7 +90,7 @@ def test_friction_of_a_scenario_has_no_damping_and_no_stiff_bristles(tmp_path):
     assert 0.005 * coulomb / friction.presliding / least == pytest.approx(5000, rel=0.1)
 
 
-def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
+def test_joints_without_slow_motion_get_no_breakaway(robot):
     """At speeds where a Stribeck peak is 0 to the last digit, or next to it."""
     time, q, v, vd = motion(robot)
     fast = np.abs(v).max(axis=0) + np.array([0.05, 0.2, 1.0, 3.0])  # rad/s
@@ -114,7 +114,7 @@ def rubbed(recorded, share):
     return changed(recorded, tau=recorded.signals["tau"] + more)
 
 
-def test_friction_of_other_days_is_within_its_interval(robot, true):
+def test_friction_of_another_recording_lies_within_its_interval(robot, true):
     """Two recordings, with a fifth less and more; one alone has the interval of its own day."""
     days = [rubbed(recorded_of(true, seed=i), share) for i, share in enumerate((-0.2, 0.2))]
     alone, both = (plant_friction(identify(robot, days[:n], cutoff=5)) for n in (1, 2))
@@ -130,7 +130,7 @@ def test_friction_of_other_days_is_within_its_interval(robot, true):
     assert np.all(both.std < wanted) and np.all(both.std >= both.between * values)
 
 
-def test_a_motion_that_is_judged_by_itself_is_named(robot, true):
+def test_recording_validated_on_itself_is_named(robot, true):
     _, q, _, _ = motion(true, 10.0)
     q = (q - q.mean(axis=0)) * np.hanning(len(q))[:, None]
     v = np.gradient(q, 0.01, axis=0)
@@ -143,7 +143,7 @@ def test_a_motion_that_is_judged_by_itself_is_named(robot, true):
         assert any("repeat the fitted motion" in line for line in notes) == expected
 
 
-def test_the_recorded_motion_is_as_slow_as_the_limits_require(found, true):
+def test_recorded_motion_is_slowed_to_the_limits(found, true):
     inf = np.full(true.n, np.inf)
     limits = {"velocity_limit": inf, "acceleration_limit": inf, "effort_limit": inf}
     strong = replace(true, envelope=None, **limits)
@@ -159,7 +159,7 @@ def test_the_recorded_motion_is_as_slow_as_the_limits_require(found, true):
     assert "joint 2 'roll' needs" in " ".join(notes) and "raise <effort>" in notes[0]
 
 
-def test_prior_uncertainty_does_not_depend_on_the_frame_of_a_link(robot, found):
+def test_prior_uncertainty_is_independent_of_link_frame(robot, found):
     """It is that of symmetric S whose distribution no rotation changes: half the variance off the
     diagonal. So any other root of a pseudo-inertia than Cholesky's gives the same."""
     A, columns = found.unknown.base.combination, found.unknown.columns

@@ -34,7 +34,7 @@ from sdt_drake.show.figures.identification import residuals_figure
 from sdt_drake.show.reports.identification import friction_notes, friction_table
 
 
-def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, true, tmp_path):
+def test_identified_robot_has_the_true_torques(found, robot, true, tmp_path):
     base, S = found.unknown.base, found.estimate.covariance
     truth = base.combination @ rigid_parameters(true)
     std = np.sqrt(np.diagonal(S))
@@ -61,7 +61,7 @@ def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, t
     assert np.all(left < 0.01 * np.std(expected, axis=0))
 
 
-def test_rotors_and_friction_of_motors_that_turn_together():
+def test_rotors_and_friction_of_coupled_motors_are_found():
     """Motor 3 turns at 80 (v_3 + 0.8 v_2). Its rotor is heavier than the file says; motors rub."""
     arm, ratio = file_robot("arm3"), np.array([100.0, 120.0, 80.0])
     coupling = np.diag(ratio)
@@ -92,7 +92,7 @@ def test_rotors_and_friction_of_motors_that_turn_together():
     np.testing.assert_allclose(friction.viscous, ratio**2 * viscous, rtol=0.05)
 
 
-def test_links_stay_where_the_data_say_nothing(robot):
+def test_unexcited_links_stay_as_in_the_file(robot):
     exact = identify(robot, [recorded_of(robot, noise=1e-4)])
     for link, pseudo in zip(exact.consistent.links, exact.consistent.pseudo, strict=True):
         size = np.sqrt(np.outer(np.diagonal(link.pseudo), np.diagonal(link.pseudo)))
@@ -100,7 +100,7 @@ def test_links_stay_where_the_data_say_nothing(robot):
 
 
 @pytest.mark.parametrize("moving", [1.0, 0.4])
-def test_intervals_cover_the_truth(robot, true, moving):
+def test_intervals_of_95_percent_cover_the_truth(robot, true, moving):
     """Of 95 % intervals, in coloured noise: what the filter leaves of white noise; also where
     joints rest for most of the time."""
     unknown = Unknown.everything(robot)
@@ -124,7 +124,7 @@ def test_intervals_cover_the_truth(robot, true, moving):
     assert 0.91 < np.mean(inside) < 0.985
 
 
-def test_neither_units_of_a_joint_nor_what_is_held_out_change_the_estimate(found):
+def test_estimate_is_the_same_in_any_units_and_hold_out(found):
     eq, prior = found.equations, belief(found.nominal, found.unknown)
     size = np.array([1.0, 30.0, 0.1, 5.0])
     columns = {name: getattr(eq, name) * size[:, None] for name in ("rigid", "friction")}
@@ -136,7 +136,7 @@ def test_neither_units_of_a_joint_nor_what_is_held_out_change_the_estimate(found
         np.testing.assert_allclose(again.friction, one.friction, rtol=1e-6, atol=1e-6)
 
 
-def test_friction_follows_the_links_to_where_it_is_likeliest(found):
+def test_friction_is_the_likeliest_given_the_consistent_links(found):
     r = len(found.estimate.beta)
     links = found.consistent.beta - found.estimate.beta
     friction = found.friction - found.estimate.friction
@@ -147,7 +147,7 @@ def test_friction_follows_the_links_to_where_it_is_likeliest(found):
     assert np.abs(slope).max() < 1e-3 * np.abs(information[r:, :r] @ change[:r]).max()
 
 
-def test_friction_alone_has_its_law(robot):
+def test_friction_alone_is_found_by_its_law(robot):
     recorded, offset = recorded_of(robot), [700.0, -400.0, 0.0, 20.0]
     found = identify(
         robot, [changed(recorded, tau=recorded.signals["tau"] + offset)], only="friction"
@@ -164,7 +164,7 @@ def test_friction_alone_has_its_law(robot):
     assert all(one.name.startswith("sigmoid") for one in found.estimate.laws)
 
 
-def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
+def test_equally_good_friction_laws_widen_the_intervals(found):
     """By half the square of how far the one other law is from the chosen one; and that is said."""
     estimate, apart = found.estimate, 5.0  # N m s/rad
     own = estimate.friction[estimate.friction_of(1)]
@@ -184,14 +184,14 @@ def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
     assert said.startswith("joint 2: ") and "(another)" in said
 
 
-def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
+def test_bounded_parameter_counts_as_hardly_excited():
     words = ["hx of arm + 2 mass of hand", "Izz of arm"]
     (one,) = weakly_excited(10.0, np.array([1.0, 1.0]), np.array([0.9, 0.1]), words)
     assert one.evidence == {"parameters": 1, "of": 2}
     assert one.sentence.endswith("named after hx of arm")
 
 
-def test_what_a_recording_leaves_open_is_as_in_the_file(robot):
+def test_unidentifiable_parameters_stay_as_in_the_file(robot):
     """Within a standard deviation nothing changes; beyond it, no more than all but that one is
     followed."""
     unknown = Unknown.body(robot, "payload")
@@ -208,7 +208,7 @@ def test_what_a_recording_leaves_open_is_as_in_the_file(robot):
     assert np.sqrt(missed @ np.linalg.solve(sure, missed)) == pytest.approx(1, rel=0.01)
 
 
-def test_draws_have_the_measured_covariance(found, tmp_path):
+def test_parameter_draws_have_the_estimated_covariance(found, tmp_path):
     robot, file, step = identified_robot(found), tmp_path / "s.csv", 1e-3
     along = directions(found, robot)
     assert along.shape[1] == 10 * len(links_of(robot))
@@ -227,7 +227,7 @@ def test_draws_have_the_measured_covariance(found, tmp_path):
         deviated(robot, Deviation(spread=str(file), along=[1.0]))
 
 
-def test_table_and_figure_tell_the_same_friction(robot):
+def test_friction_table_equals_friction_figure(robot):
     """A device without friction: noise makes that of the fit drive, but not that of the table."""
     recorded, v = recorded_of(true_robot(robot)), motion(robot)[2]
     rubs = COULOMB_TRUE * np.sign(v) + VISCOUS_TRUE * v

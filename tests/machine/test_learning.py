@@ -62,7 +62,7 @@ def cascade(designed):
         ("p_pi", None, "torque"),
     ],
 )
-def test_the_loop_answers_a_pulse_as_its_linear_model_says(cascade, label, fields, of):
+def test_loop_answers_a_pulse_as_its_linear_model(cascade, label, fields, of):
     """Of joints 1 and 2 at rest, against the simulation, with what they do to the others."""
     fields = {"accuracy": 1e-7, **(fields or {})}
     base = cascade(label, fields, end=0.4)
@@ -93,7 +93,7 @@ def test_the_loop_answers_a_pulse_as_its_linear_model_says(cascade, label, field
     assert np.all(np.abs(answer[0] - answer[1] - predicted) <= tolerance)
 
 
-def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
+def test_errors_shrink_by_the_checked_rate(cascade):
     """A loop that is linear and 0.7 times the model's: 0.3 of each error is left by each flight,
     within the bandwidth; above it all is left."""
     design = cascade()
@@ -126,7 +126,7 @@ def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
     np.testing.assert_allclose(check.share[below], 0.3, atol=0.02)
 
 
-def test_an_unstable_loop_is_refused_whatever_its_response_is(cascade):
+def test_unstable_loop_is_refused(cascade):
     """Its speed is that of a link behind a spring; its response says that errors shrink."""
     springs = {
         "plant.elasticity.natural_frequency": [0, 40, 0, 0],
@@ -136,7 +136,7 @@ def test_an_unstable_loop_is_refused_whatever_its_response_is(cascade):
         loops_of(cascade(fields=springs), "reference")
 
 
-def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
+def test_divergent_loop_is_refused_before_a_flight(cascade):
     design = cascade()
     loops = loops_of(design, "reference")
     filter_ = design_filter(design, loops, "reference")
@@ -156,7 +156,7 @@ def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
     assert careful.bandwidth[1].why == "the spread of the loops"
 
 
-def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
+def test_demand_equals_inverse_dynamics_with_friction_and_disturbance(cascade):
     """Inverse dynamics, friction and disturbance of what moves: no tracking error, no reserve."""
     design = cascade("inverse_dynamics", {"plant.deviation.payload_mass": 40}, end=1.0)
     run = simulate(design)
@@ -189,7 +189,7 @@ def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
     assert np.any(demand(falling) > 1.01 * demand(calm))
 
 
-def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
+def test_learning_bandwidth_is_that_of_structure_or_loop(cascade, designed):
     rigid = cascade()
     by_structure = design_filter(rigid, loops_of(rigid, "reference"), "reference")
     assert [round(b.omega, 3) for b in by_structure.bandwidth] == [65.991] * 4
@@ -220,7 +220,7 @@ def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
         design_filter(rigid, loops_of(rigid, "reference"), "reference", bandwidth=200 * np.pi)
 
 
-def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
+def test_flights_of_wrong_model_improve_without_more_torque(cascade):
     design = cascade(name="wrong_model")
     filter_ = design_filter(design, loops_of(design, "reference"), "reference")
     seen = []
@@ -238,7 +238,7 @@ def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
     np.testing.assert_array_equal(again.error, last.error)
 
 
-def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
+def test_elastic_joints_learn_from_encoders_and_report_links(cascade):
     flight, run = run_trial(design := cascade("p_pi", SPRINGS), 1), simulate(design)
     np.testing.assert_array_equal(flight.seen, run.q_measured - design.reference.planned.q)
     np.testing.assert_array_equal(flight.error, run.position_error)
@@ -252,7 +252,7 @@ def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
     assert np.abs(flight.seen - flight.error)[:, 1].max() > 1e-4
 
 
-def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
+def test_learned_torque_removes_quick_errors_within_its_limit(cascade):
     design = cascade(name="wrong_model")
     filter_ = design_filter(design, loops_of(design, "torque"), "torque")
     mean = cascade(name="wrong_model", fields={"held_speed": "mean"})
@@ -269,7 +269,7 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
     assert most.max() == pytest.approx(0.5)
 
 
-def test_it_stops_where_another_flight_is_not_worth_it():
+def test_learning_stops_when_unfelt_unimproved_growing_or_limited():
     def tried(*scores, felt=0.5):
         return [SimpleNamespace(score=score, felt=felt) for score in scores]
 
@@ -283,7 +283,7 @@ def test_it_stops_where_another_flight_is_not_worth_it():
     assert reason_to_stop(tried(1.0, 0.5), [near]) == "a limit is near: joint 2 needs torque"
 
 
-def test_the_model_is_what_the_controller_knows(cascade):
+def test_known_loop_has_the_controllers_model(cascade):
     model, plant = {"controller.model.payload_mass": -40}, {"plant.deviation.payload_mass": 40}
     known = demand(known_loop(cascade(fields=model | plant)))
     lighter = demand(cascade(fields={"plant.deviation.payload_mass": -40}))
@@ -291,7 +291,7 @@ def test_the_model_is_what_the_controller_knows(cascade):
     assert np.any(lighter < demand(cascade(fields=plant)))
 
 
-def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_controller(cascade):
+def test_study_devices_keep_the_controller_of_the_loop(cascade):
     study, base = load_study("monte_carlo")
     devices = devices_of(cascade(), study, base, 2)
     assert [device.scenario.controller.kind for device in devices] == ["p_pi", "p_pi"]
@@ -299,7 +299,7 @@ def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_control
     assert masses == [study.inputs(4 * row)["payload_mass"] for row in range(2)]
 
 
-def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk, undrawn):
+def test_learn_writes_files_that_simulate_and_plan_read(good, refuse, desk, undrawn):
     file = "../given/cascade.yaml"
     payload = "plant.deviation.payload_mass=30"
     out = good("learn", file, "--set", payload, "--flights", "2", "--out", "learned").out
@@ -318,7 +318,7 @@ def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk, undr
     assert written == {*report.ALL_FILES} - kept
 
 
-def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, monkeypatch):
+def test_interrupt_in_third_flight_keeps_two(call, good, refuse, desk, monkeypatch):
     """While its numbers are written; when finished nothing is kept."""
     command = ("learn", "../given/cascade.yaml", "--all")
     monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)  # slow
@@ -346,7 +346,7 @@ def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, 
     assert after[1][1:] == before[2][1:]
 
 
-def test_no_end_leaves_flights_without_a_word(call, desk, monkeypatch):
+def test_every_end_of_learn_names_the_kept_flights(call, desk, monkeypatch):
     """An error in the second flight, and Ctrl-C when all is written."""
     monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)  # slow
     command = ("learn", "../given/cascade.yaml", "--flights", "2", "--out")

@@ -52,7 +52,7 @@ def arm_recorded(true, encoder):
 
 
 @pytest.mark.parametrize("encoder", [1e-5, 2 * np.pi / 2000], ids=["fine", "coarse"])
-def test_rotors_and_a_tool_that_the_file_does_not_have(arm, encoder):
+def test_identification_adds_rotors_and_tool_missing_in_the_file(arm, encoder):
     """The wrist's rotor is thirty times the inertia of its hand, and accelerations are noisy."""
     nominal, true = arm
     found = identify(nominal, [arm_recorded(true, encoder)])
@@ -63,7 +63,7 @@ def test_rotors_and_a_tool_that_the_file_does_not_have(arm, encoder):
     assert found.consistent.motors[1] == pytest.approx(0.1, rel=0.1)
 
 
-def test_standstill_at_both_ends_is_left_out(arm):
+def test_standstill_at_both_ends_is_cut_off(arm):
     nominal, true = arm
     recorded = arm_recorded(true, 1e-5)
     stood = 3000

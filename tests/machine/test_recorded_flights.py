@@ -108,7 +108,7 @@ def machine(made, tmp_path):
         (0.1234, 0.001, ("q",), 1.1e-3),  # to a sample
     ],
 )
-def test_the_motion_is_found_in_a_recording(machine, lead, step, columns, off):
+def test_planned_motion_is_found_in_a_recording(machine, lead, step, columns, off):
     flight = machine.flight()
     path = machine.record(flight, lead=lead, step=step, columns=columns)
     found = match(
@@ -119,7 +119,7 @@ def test_the_motion_is_found_in_a_recording(machine, lead, step, columns, off):
     np.testing.assert_allclose(found.q, flight[2], rtol=0, atol=3e-6 + 2 * off)
 
 
-def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
+def test_learning_step_from_recordings_equals_simulated_one(machine):
     """Two steps: errors shrink as fast, and the best is kept when one grows."""
     folder = machine.folder / "state"
     design, scores, learned = machine.design, [], None
@@ -144,7 +144,7 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
     assert {file: file.read_bytes() for file in folder.iterdir()} == before
 
 
-def test_what_repeats_is_told_from_what_does_not(machine):
+def test_repeated_error_is_separated_from_noise(machine):
     """Of eight noisy recordings: the floor is the noise, what repeats is the error without it."""
     flight, noise = machine.flight(), 3e-5
     taught = machine.taught(flight, 8, noise)
@@ -170,7 +170,7 @@ def test_what_repeats_is_told_from_what_does_not(machine):
         _refuse_growth(larger, State([replace(best, floor=[])], []), Path("a.csv"))
 
 
-def test_recordings_of_something_else_or_with_gaps_are_refused(machine):
+def test_recordings_of_other_motions_or_with_gaps_are_refused(machine):
     recorded = machine.read(machine.record(machine.flight()))
     q, q_ref = recorded.signals["q"], recorded.signals["q_ref"]
     rows, other = np.arange(len(q)), [3, 1, 2, 0]
@@ -192,7 +192,7 @@ def test_recordings_of_something_else_or_with_gaps_are_refused(machine):
         match(short, machine.design, machine.filter, [machine.design.reference.tracked])
 
 
-def test_two_commands_at_once_keep_both_flights(good, desk):
+def test_concurrent_updates_keep_both_flights(good, desk):
     """One after the other: a flight of a reference is one of it, whoever comes first."""
     file, state = "../given/cascade.yaml", desk / "state"
     for number, mass in enumerate((30, 30.001, 29.999)):
@@ -212,7 +212,7 @@ def test_two_commands_at_once_keep_both_flights(good, desk):
     assert flown == [2, 2]
 
 
-def test_a_step_from_python_is_that_of_the_command(good, desk):
+def test_learn_update_in_python_equals_command(good, desk):
     file = "../given/cascade.yaml"
     good("simulate", file, "--set", "plant.deviation.payload_mass=30", "--out", "0.csv")
     good("learn", "update", "by_command", "0.csv", "--scenario", file)
@@ -234,7 +234,7 @@ def test_a_step_from_python_is_that_of_the_command(good, desk):
     assert count_trials(desk / "by_python") == 1 and not (desk / "new").exists()
 
 
-def test_what_a_recording_lacks_is_noted_and_not_learned(machine):
+def test_spike_and_cut_last_line_are_noted_and_not_learned(machine):
     """A spike, as a logger's mark, and a last line that was cut off."""
     path = machine.record(machine.flight())
     state = State([], [LearnedReference(machine.design.reference.tracked)])

@@ -52,7 +52,7 @@ def mappings(draw) -> Columns:
 
 
 @given(mappings())
-def test_any_format_unit_and_side_gives_the_same_recording(tmp_path_factory, robot, m):
+def test_recording_is_the_same_in_any_format_unit_and_side(tmp_path_factory, robot, m):
     """The file has what a device in these units would write; the reader undoes all of it."""
     rng, time, gear = np.random.default_rng(1), 0.01 * np.arange(N), robot.gear_ratio
     q, tau = rng.normal(size=(2, N, 4))
@@ -72,7 +72,7 @@ def test_any_format_unit_and_side_gives_the_same_recording(tmp_path_factory, rob
     assert set(recorded.signals) == {"q", "q_ref", "tau", "tau_ff"}
 
 
-def test_torques_that_are_late_are_put_at_their_time(tmp_path, table, robot):
+def test_torque_delay_is_taken_off(tmp_path, table, robot):
     path = write(tmp_path, table)
     late = read_recording(path, robot, Columns(torque_delay=0.01)).signals["tau"]
     np.testing.assert_allclose(late[:-1], table[1:, 5:])  # a sample of 10 ms
@@ -102,7 +102,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("change, message", BAD, ids=[case[-1] for case in BAD])
-def test_bad_recordings_are_refused_in_one_line(tmp_path, table, robot, change, message):
+def test_unreadable_recording_is_one_line(tmp_path, table, robot, change, message):
     table[:, 0] *= change.get("scale", 1)
     if "row" in change:
         row, column, value = change["row"]
@@ -114,7 +114,7 @@ def test_bad_recordings_are_refused_in_one_line(tmp_path, table, robot, change, 
 
 
 @needs_data
-def test_ur10(tmp_path):
+def test_ur10_recording_is_identified_as_by_another_calculation(tmp_path):
     robot = load_robot(UR10.write(tmp_path))
     recorded = read_recording(DATA / "ur10/exciting.csv", robot)
     found = identify(robot, [recorded], held_out=0.3, cutoff=8.0)
@@ -130,7 +130,7 @@ def logged(folder, rows, robot, columns=None, end="\n"):
     return read_recording(path, robot, columns)
 
 
-def test_columns_of_texts_are_no_concern_of_others(tmp_path, table, robot):
+def test_text_columns_are_ignored(tmp_path, table, robot):
     """Loggers add modes and frames; other cells that are no numbers stay refused."""
     first, *lines = write(tmp_path, table, header=f"{HEADER},mode").read_text().splitlines()
 
@@ -157,7 +157,7 @@ PROPOSED = [
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
 @pytest.mark.parametrize("names, first, q, part", PROPOSED, ids=[case[0] for case in PROPOSED])
-def test_a_refusal_proposes_a_mapping_that_reads_the_file(
+def test_proposed_columns_read_the_refused_file(
     tmp_path, table, robot, names, first, q, part, encoding
 ):
     mark, german = ";" if ";" in names else ",", "Zeit" in names
@@ -181,7 +181,7 @@ def test_a_refusal_proposes_a_mapping_that_reads_the_file(
     np.testing.assert_allclose(recorded.signals["q"], angle)
 
 
-def test_empty_columns_and_a_line_that_was_cut_off(tmp_path, table, robot):
+def test_empty_columns_and_cut_last_line_are_left_out(tmp_path, table, robot):
     lines = write(tmp_path, table, header=f"{HEADER},spare").read_text().splitlines()
     empty = [lines[0], *(f"{line}," for line in lines[1:])]
     for rows in (empty, [*empty[:-1], f"{empty[-1]}7"], [HEADER, *empty[1:]]):

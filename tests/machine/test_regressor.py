@@ -26,7 +26,7 @@ from sdt_drake.robot.dynamics import inverse_dynamics
 
 @settings(max_examples=20)
 @given(st.booleans().flatmap(lambda coupled: moving(20, coupled=coupled)))
-def test_regressor_times_parameters_is_drakes_torque(drawn):
+def test_regressor_times_parameters_equals_drakes_torque(drawn):
     """At the gears, where each motor adds the inertia of its own rotor alone."""
     robot, q, v, vd = drawn
     expected = inverse_dynamics(robot, q, v, vd) - robot.damping * v
@@ -37,7 +37,7 @@ def test_regressor_times_parameters_is_drakes_torque(drawn):
 
 @settings(max_examples=6)
 @given(moving(60, joints=st.integers(1, 4)))
-def test_base_parameters_from_exact_torques_are_the_true_ones(drawn):
+def test_base_parameters_from_exact_torques_equal_the_truth(drawn):
     robot, q, v, vd = drawn
     base, phi = Unknown.everything(robot).base, rigid_parameters(robot)
     W = rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
@@ -52,7 +52,7 @@ def test_base_parameters_from_exact_torques_are_the_true_ones(drawn):
     assert np.all(off <= 1e-4 * np.abs(beta).max())  # smaller columns count as none
 
 
-def test_words_of_the_shipped_device(robot):
+def test_identifiability_words_of_the_shipped_device(robot):
     base = Unknown.everything(robot).base
     ways = dict(zip(rigid_names(robot), base.identifiable, strict=True))
     assert ways["mass of arm"] == "not at all"  # its axis is upright, and does not move
@@ -62,7 +62,7 @@ def test_words_of_the_shipped_device(robot):
     assert "+ 6.76 mass of roll_frame" in first and "+ motor inertia of planetary" in first
 
 
-def test_equations_in_blocks_are_those_of_all(robot, monkeypatch):
+def test_equations_in_blocks_equal_those_at_once(robot, monkeypatch):
     (stretch,), _ = stretches(recorded_of(true_robot(robot)))
     arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
     whole = equations(*arguments)
@@ -93,7 +93,7 @@ def shaken(recorded, lowest, share):
     return changed(recorded, tau=tau + size * noise)
 
 
-def test_a_lower_cutoff_gains_nothing_by_comparing_less(robot, clean):
+def test_clean_recording_keeps_the_highest_cutoff(robot, clean):
     """Friction at reversals reaches as far as anything is tried, and nothing disturbs it."""
     assert choice(robot, clean) == Choice(10.0, speeds=False)
 
@@ -103,11 +103,11 @@ def clean(true):
     return recorded_of(true, noise=0.002)
 
 
-def test_the_cutoff_is_where_the_motion_ends_and_noise_begins(robot, clean):
+def test_cutoff_is_between_motion_and_noise(robot, clean):
     assert 2.0 < choice(robot, shaken(clean, 5.0, 1.0)).cutoff < 6.0
 
 
-def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
+def test_recorded_speeds_are_used_where_less_noisy(robot, clean):
     rng, v = np.random.default_rng(3), motion(robot)[2]
     noisy = changed(clean, q=clean.signals["q"] + 2e-4 * rng.normal(size=v.shape))
     good, bad = (changed(noisy, v=v + x * rng.normal(size=v.shape)) for x in (1e-4, 1e-1))
@@ -117,7 +117,7 @@ def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
     assert found.speeds and "recorded speeds are used" in " / ".join(found.notes)
 
 
-def test_columns_in_blocks_are_those_of_all(robot, true, monkeypatch):
+def test_columns_in_blocks_equal_those_at_once(robot, true, monkeypatch):
     (stretch,), _ = stretches(recorded_of(true))
     arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
     whole = equations(*arguments)
@@ -129,7 +129,7 @@ def test_columns_in_blocks_are_those_of_all(robot, true, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
 
 
-def test_windows_are_spread_over_all_of_a_recording():
+def test_windows_spread_over_the_whole_recording():
     """Two stretches of 60 s and 40 s, of which 10 s are enough, below 100 Hz."""
     found = [
         Stretch(start, 0.01, *2 * [np.arange(start, start + lasts, 0.01)[:, None]])

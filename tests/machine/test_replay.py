@@ -40,7 +40,7 @@ def replayed(made, recorded, fields=None):
     return replay(recorded, made.scenario.changed(fields or {}))
 
 
-def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(designed, tmp_path):
+def test_replay_of_own_run_has_no_error_and_misses_each_left_out_part(designed, tmp_path):
     fields = {**CASCADE, **SPRINGS}
     made = designed("real_device", fields, start=1.0, end=2.0, rest=100)
     result = replayed(made, recorded_run(made, tmp_path))
@@ -62,7 +62,7 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert np.isnan(result.due_to_model).all()  # of a joint that was at rest, too
 
 
-def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
+def test_replay_tells_wrong_payload_from_wrong_gain(designed, tmp_path):
     """By the load that is fed in: it makes good what the plant lacks, and no other gain; wherever
     the encoders have their zeros."""
     made = designed("coupled_pi", CASCADE, start=1.0, end=4.0)
@@ -79,7 +79,7 @@ def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
     assert np.all(off[0] < 0.05 * off[1])
 
 
-def test_the_recorded_feedforward_is_used(designed, tmp_path):
+def test_replay_uses_the_recorded_feedforward(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=0.0, end=1.0)
     fed = made.tuning.feedforward.along * made.device.simulated.gear_ratio
     recorded = recorded_run(made, tmp_path, tau_ff=fed)
@@ -89,7 +89,7 @@ def test_the_recorded_feedforward_is_used(designed, tmp_path):
     assert any("recorded torque feedforward" in x for x in replay_findings(result))
 
 
-def test_what_explains_more_than_the_scenario_is_said(designed, tmp_path):
+def test_replay_names_what_explains_more_than_the_scenario(designed, tmp_path):
     """Friction that the machine does not have, and a model whose own recording knows better."""
     made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
     recorded = recorded_run(made, tmp_path)
@@ -104,7 +104,7 @@ def test_what_explains_more_than_the_scenario_is_said(designed, tmp_path):
     assert not replayed(made, recorded).better("torque")
 
 
-def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_path):
+def test_speed_reference_starts_at_recorded_angles(designed, tmp_path):
     """Gravity and inertias are those of the pose; the offset of a reference that nobody recorded
     is no news."""
     made = designed("coupled_pi", start=1.0, end=1.5)
@@ -126,7 +126,7 @@ def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_pa
     assert any(x.startswith("No positions were recorded") for x in replay_findings(result))
 
 
-def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
+def test_controller_alone_equals_its_law_on_recorded_motion(designed):
     """K_P r (v_ref - v) + K_I r (integral of v_ref - q), with the reference held."""
     fields = {"controller.setpoint_weight": 1}
     made = designed("coupled_pi", fields, start=1.0, end=1.5)
@@ -159,7 +159,7 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     )
 
 
-def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_path):
+def test_saturated_motor_does_not_change_the_law(designed, tmp_path):
     """Joint 2 saturates; the controller asks for more than it has."""
     made = designed("axis_pi", end=9.4)
     assert 0.02 < simulate(made).saturated[:, 1].mean() < 0.5
@@ -167,14 +167,14 @@ def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_pa
     assert result.difference("torque", ALONE)[1] < 0.01 * result.recorded_rms("torque")[1]
 
 
-def test_a_load_is_smoothed_in_phase():
+def test_load_is_smoothed_without_phase_shift():
     step = np.repeat([[0.0], [1.0]], 50, axis=0)
     smooth = _smoothed(step, 0.005)
     np.testing.assert_allclose(smooth, 1 - smooth[::-1], atol=1e-12)
     assert 0 < smooth[49, 0] < 0.5 < smooth[50, 0] < 1 and smooth[0, 0] == 0
 
 
-def test_bad_recordings_are_refused(design):
+def test_recording_that_cannot_be_replayed_is_refused(design):
     time, rest = np.array([0.0, 0.005, 0.01]), np.zeros((3, 4))
     for signals, said in (
         ({"q": rest, "tau": rest}, "neither q_ref nor v_ref"),
@@ -188,7 +188,7 @@ SPIKES = {"q": 10.0, "q_ref": -10.0, "v": 40.0, "v_ref": 40.0, "tau": 1e7}
 
 
 @pytest.mark.parametrize("name", SPIKES)
-def test_a_spike_is_told_and_no_part_of_what_is_explained(designed, tmp_path, name):
+def test_spike_is_named_and_left_out_of_the_explained_share(designed, tmp_path, name):
     """A reference that jumps is followed by no machine: its error would explain itself."""
     made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
     recorded = recorded_run(made, tmp_path)
@@ -208,7 +208,7 @@ def test_a_spike_is_told_and_no_part_of_what_is_explained(designed, tmp_path, na
     assert any(said in line for line in replay_findings(result))
 
 
-def test_steps_noise_and_quick_moves_are_no_spikes(designed, tmp_path):
+def test_steps_noise_and_quick_moves_are_not_spikes(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
     recorded = recorded_run(made, tmp_path)
     random = np.random.default_rng(1)
@@ -219,7 +219,7 @@ def test_steps_noise_and_quick_moves_are_no_spikes(designed, tmp_path):
     assert without_spikes(recorded, made.device.simulated).notes == ()
 
 
-def test_torques_that_no_motor_has_do_not_race_the_simulation(designed, tmp_path):
+def test_implausible_recorded_torques_give_bounded_replay_speeds(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=1.0, end=1.5)
     recorded = recorded_run(made, tmp_path)
     recorded.signals["tau"][20:60] = 1e7
@@ -227,7 +227,7 @@ def test_torques_that_no_motor_has_do_not_race_the_simulation(designed, tmp_path
     assert np.abs(result.courses["with the load that the model lacks"]["speed_error"]).max() < 1e3
 
 
-def test_what_was_ignored_on_reading_is_told(designed, tmp_path):
+def test_replay_tells_a_cut_last_line(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=1.0, end=1.5)
     recorded_run(made, tmp_path)
     path = tmp_path / "run.csv"

@@ -44,7 +44,7 @@ REMEDIES = {
 
 
 @pytest.mark.parametrize("fault", REMEDIES)
-def test_a_fault_is_named_with_its_remedy_and_its_evidence(fault):
+def test_fault_is_named_with_remedy_and_evidence(fault):
     robot, recorded = recording("arm3", fault, 4)
     found = said(robot, recorded)
     one = next(one for one in found if names(one, fault))
@@ -53,7 +53,7 @@ def test_a_fault_is_named_with_its_remedy_and_its_evidence(fault):
     assert {one.kind for one in found} <= KINDS.keys()
 
 
-def test_evidence_is_what_was_put_in():
+def test_evidence_equals_the_fault_put_in():
     """Torques 12 ms late; torques in kN m."""
     late, *_ = said(*recording("arm3", "torque_late", 4))
     assert late.evidence["delay_s"] == pytest.approx(0.012, abs=4 * late.evidence["error_s"])
@@ -62,14 +62,14 @@ def test_evidence_is_what_was_put_in():
     assert 5e-4 < kilo.evidence["least_times"] <= kilo.evidence["most_times"] < 2e-3
 
 
-def test_a_recording_that_is_judged_is_checked():
+def test_judge_gives_the_findings_of_the_check():
     robot, recorded = recording("arm3", "degrees", 4)
     assert judge(robot, [recorded], cutoff=CUTOFF).findings == tuple(
         check_recording(robot, recorded)
     )
 
 
-def test_swapped_torques_of_joints_that_move_alike_are_no_units():
+def test_swapped_torques_of_alike_motions_are_not_taken_for_units():
     truth = simulated.truth("arm3", 2, together=True)
     (one,) = said(truth.robot, simulated.swapped(truth, np.random.default_rng(0)))
     assert names(one, "swapped")
@@ -86,7 +86,7 @@ def test_nothing_is_said_of_clean_recordings():
 
 
 @needs_data
-def test_real_recordings_raise_no_false_suspicion(tmp_path):
+def test_published_recordings_raise_no_false_finding(tmp_path):
     robot = load_robot(UR10.write(tmp_path))
     assert said(robot, read_recording(DATA / "ur10/exciting.csv", robot)) == []
     robot = load_robot(KUKA_KR300.write(tmp_path))
