@@ -34,7 +34,7 @@ def same(one: Motion, other: Motion) -> None:
     period=st.sampled_from([0.005, 0.1, 1 / 3, 1 / 300]),
     share=st.floats(0, 0.99),
 )
-def test_a_motion_comes_back_from_its_files_and_as_a_trajectory(tmp_path, motion, period, share):
+def test_motion_comes_back_from_files_and_trajectory(tmp_path, motion, period, share):
     motion = Motion.from_speeds(period, motion.q[0], motion.v)
     motion.to_csv(tmp_path / "motion.csv")
     same(Motion.from_csv(tmp_path / "motion.csv"), motion)
@@ -71,7 +71,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("text, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_csv_that_is_no_motion_is_refused_with_its_line(tmp_path, text, message):
+def test_bad_motion_csv_is_refused_with_its_line(tmp_path, text, message):
     assert text != CSV
     (tmp_path / "motion.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=f"motion.csv.*{message}"):
@@ -91,7 +91,7 @@ def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     start=st.floats(-9, 9),
     names=st.sampled_from([("v_ref",), ("q_ref",), ("q_ref", "v_ref")]),
 )
-def test_any_samples_become_the_interpolation_period(tmp_path, gaps, start, names):
+def test_motion_file_is_resampled_to_the_interpolation_period(tmp_path, gaps, start, names):
     time = np.concatenate([[0], np.cumsum(np.resize(gaps, 4000))])
     time = np.append(time[time < 3.999], 4.0)
     columns = dict(zip(("q_ref", "v_ref"), swing(time), strict=True))
@@ -126,13 +126,13 @@ LOST = rf"at 0\.005 s joint 2 loses {_OFF:.3g} rad/s of speed at .*, allowed are
     ],
     ids=["loss", "columns", "joints", "periods"],
 )
-def test_samples_that_cannot_be_resampled_are_refused(tmp_path, time, columns, message):
+def test_motion_file_that_cannot_be_resampled_is_refused(tmp_path, time, columns, message):
     write_table(tmp_path / "in.csv", np.array(time, dtype=float), columns)
     with pytest.raises(InputError, match=rf"in\.csv: .*{message}"):
         import_motion(tmp_path / "in.csv", PERIOD)
 
 
-def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
+def test_positions_alone_do_not_drift_and_end_is_rounded_up(tmp_path):
     time = 0.001 * np.arange(20003)
     q = np.stack([np.sin(time) ** 2, np.cos(3 * time)], axis=1)
     write_table(tmp_path / "in.csv", time, {"q_ref": q})
@@ -141,7 +141,7 @@ def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
     assert motion.duration == pytest.approx(20.005) and loss.longer == pytest.approx(0.003)
 
 
-def test_speeds_from_positions_are_central_differences_of_the_cubic_spline():
+def test_speeds_from_positions_are_those_of_the_cubic_spline():
     time = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.03, 200))
     q = np.sin(np.outer(time, [1.0, 3.0]))
     motion, _ = resampled("in.csv", time, q, None, PERIOD)
@@ -151,13 +151,13 @@ def test_speeds_from_positions_are_central_differences_of_the_cubic_spline():
     np.testing.assert_allclose(motion.v[1:-2], (after - before) / (2 * PERIOD), atol=1e-12)
 
 
-def test_three_positions_are_a_parabola():
+def test_three_positions_make_a_parabola():
     time = np.array([0.0, 0.5, 1.25])
     motion, _ = resampled("in.csv", time, time[:, None] ** 2, None, PERIOD)
     np.testing.assert_allclose(motion.v[:, 0], 2 * motion.time, atol=1e-12)
 
 
-def test_a_csv_is_resampled_checked_by_the_limiter_and_slowed_down_by_retiming(robot, tmp_path):
+def test_motion_csv_is_resampled_limited_and_retimed(robot, tmp_path):
     time, path = 0.032 * np.arange(126), tmp_path / "in.csv"
     write_table(path, time, {"v_ref": SWING.speeds(time)})
     plans = [load_plan(path, robot, period=PERIOD, planner=name) for name in PLANNERS]

@@ -44,22 +44,20 @@ def plan(robot):
         ("position_upper", [99, 1.5, 99, 99], r"3.255 s: .* position 1\.50\S* rad"),
     ],
 )
-def test_each_limit_of_the_robot_is_checked_that_of_torque_with_a_margin(
-    robot, plan, field, limits, message
-):
+def test_plan_checks_every_limit_and_torque_with_margin(robot, plan, field, limits, message):
     weak = dataclasses.replace(robot, **{"effort_limit": 2 * LIMITS, field: np.array(limits)})
     with pytest.raises(InputError, match=f"joint 2 'roll' at {message}"):
         checked_torque(weak, plan.motion, torque_margin=0.9)
 
 
 @pytest.mark.parametrize("use", [checked_torque, margins, plan_motion, retime])
-def test_another_number_of_joints_is_refused_and_does_not_end_the_process(robot, use):
+def test_plan_of_other_joint_count_is_refused(robot, use):
     other = alone(knots([0, 0], [1, 0]), joints=3)
     with pytest.raises(InputError, match="3 joints, robot 'sdt' has 4"):
         use(robot, sampled(other) if use in (checked_torque, margins) else other)
 
 
-def test_a_joint_that_starts_or_ends_in_motion_is_named_with_its_speed(robot):
+def test_start_or_end_in_motion_is_refused_with_joint_and_speed(robot):
     motion = sampled(alone(knots([0, 0.5], [1, 0], [2, -0.25])))
     starts, ends = ends_in_motion(robot, motion)
     assert "starts at 0.5 rad/s" in starts and "ends at -0.25 rad/s" in ends
@@ -88,7 +86,7 @@ def swing(amplitude, period):
     ],
     ids=["short", "fast swing", "swing of few samples", "angle", "no number"],
 )
-def test_a_command_too_fast_for_the_period_or_implausible_is_refused(robot, joint, message):
+def test_command_too_fast_for_the_period_is_refused(robot, joint, message):
     with pytest.raises(InputError, match=rf"'alone': joint 2 'roll' at .*{message}"):
         commanded_motion(robot, alone(joint, 2), PERIOD)
 
@@ -96,7 +94,7 @@ def test_a_command_too_fast_for_the_period_or_implausible_is_refused(robot, join
 # --- margins ---------------------------------------------------------------------------------
 
 
-def test_the_reference_motion_needs_no_limiter_and_has_the_margins_of_its_torques(robot, plan):
+def test_reference_motion_is_unlimited_with_margins_of_its_torques(robot, plan):
     motion, report = plan.motion, margins(robot, plan.motion)
     assert not plan.limited.any() and plan.loss is None
     np.testing.assert_array_equal(plan.peak_use(robot), report.peak_torque / LIMITS)
@@ -116,7 +114,7 @@ def test_the_reference_motion_needs_no_limiter_and_has_the_margins_of_its_torque
     assert (speed.share, acceleration.share) == pytest.approx((2.4 / 2.5, 3 / 3.1))
 
 
-def test_positions_are_measured_to_both_limits_or_a_single_one(robot, plan):
+def test_position_share_is_to_both_limits_or_a_single_one(robot, plan):
     pitch, yaw = np.degrees(plan.motion.q[:, 2:]).T
     # As calculated independently.
     found = [pitch.min(), pitch.max(), yaw.min(), yaw.max()]
@@ -139,7 +137,7 @@ def test_positions_are_measured_to_both_limits_or_a_single_one(robot, plan):
     assert below.share["position"][0, 3] == 1 and below.smallest.left <= 0
 
 
-def test_an_envelope_takes_torque_from_driving_but_not_from_braking(robot):
+def test_envelope_limits_driving_but_not_braking(robot):
     motion = sampled(alone(knots([0, 0], [2, 1], [4, 1], [6, 0])))
     report = margins(falling(robot, 0.5, 1.5), motion)
     left = np.clip(1.5 - motion.v[:, 0], 0, 1)
@@ -152,7 +150,7 @@ def test_an_envelope_takes_torque_from_driving_but_not_from_braking(robot):
     assert place.quantity == "torque at speed" and place.time == pytest.approx(1.995)
 
 
-def test_torque_grows_between_samples_where_gravity_does(robot):
+def test_torque_margin_sees_gravity_between_samples(robot):
     # Joint 2 turns at constant speed from hanging: gravity grows within each period.
     v = np.zeros((11, 4))
     v[:, 1] = 1.0
@@ -178,9 +176,7 @@ def with_sine(wanted: Motion, size: float) -> Motion:
     return Motion.from_speeds(wanted.period, wanted.q[0], v)
 
 
-def test_the_reference_of_a_file_is_tracked_and_errors_are_against_the_planned_motion(
-    p_pi, tmp_path
-):
+def test_learned_reference_is_tracked_with_errors_against_the_plan(p_pi, tmp_path):
     swing = LearnedReference(
         with_sine(p_pi.reference.planned, 1e-3), np.zeros_like(p_pi.reference.planned.q)
     )
@@ -198,7 +194,7 @@ def test_the_reference_of_a_file_is_tracked_and_errors_are_against_the_planned_m
         p_pi.variant(replace(scenario, inverse_dynamics="online"))
 
 
-def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_that(p_pi):
+def test_learned_reference_of_a_motion_nearby_is_refused(p_pi):
     nearby = with_sine(p_pi.reference.planned, 1e-3)  # within what learning may change
     p_pi.given(LearnedReference(nearby))
     with pytest.raises(InputError, match=r"joint 2 is .* deg from the planned motion"):
@@ -215,7 +211,9 @@ def test_a_reference_learned_for_a_motion_nearby_is_refused_if_its_file_names_th
         (lambda m: m, 1e4, "joint 1 at 0.000 s: .* 10000 N m .*203.2 N m"),
     ],
 )
-def test_a_reference_of_another_motion_or_beyond_a_limit_is_refused(p_pi, change, torque, message):
+def test_learned_reference_of_another_motion_or_beyond_limit_is_refused(
+    p_pi, change, torque, message
+):
     motion = change(p_pi.reference.planned)
     with pytest.raises(InputError, match=message):
         p_pi.given(LearnedReference(motion, np.full(motion.q.shape, float(torque))))

@@ -77,7 +77,7 @@ def are_kept(robot, plan):
 
 @settings(max_examples=12)
 @given(case=weak_robots(7))
-def test_retiming_keeps_all_limits_and_the_path(case):
+def test_retiming_keeps_limits_and_path(case):
     robot, command, commanded = case
     plan = retime(robot, command, period=H)
     are_kept(robot, plan)
@@ -96,7 +96,7 @@ def test_retiming_keeps_all_limits_and_the_path(case):
 
 @settings(max_examples=6)
 @given(case=weak_robots(3))
-def test_retiming_takes_the_least_time(case):
+def test_retiming_takes_least_time(case):
     """One linear program of x = s'^2 at all samples, without friction.
 
     Of two x within the limits, so is the larger at each sample: the fastest has the largest sum.
@@ -132,7 +132,7 @@ def test_retiming_takes_the_least_time(case):
 
 @settings(max_examples=20)
 @given(case=weak_robots(7))
-def test_the_limiter_keeps_all_limits_or_refuses_the_motion(case):
+def test_limiter_keeps_limits_or_refuses(case):
     robot, command, commanded = case
     robot = dataclasses.replace(robot, velocity_limit=np.full(robot.n, np.inf))
     try:
@@ -167,7 +167,7 @@ def spin_up(*more):
 
 
 @pytest.mark.parametrize("limit", [np.inf, 0.4])
-def test_a_joint_that_cannot_accelerate_as_commanded_catches_up_later(robot, limit):
+def test_limited_joint_catches_up_later(robot, limit):
     acceleration = min(limit, A_1)  # rad/s²; A_1 takes all of the torque
     calm = dataclasses.replace(robot, acceleration_limit=np.array([limit, 9, 9, 9]))
     plan = plan_motion(calm, spin_up([6, 1.6]))
@@ -179,7 +179,7 @@ def test_a_joint_that_cannot_accelerate_as_commanded_catches_up_later(robot, lim
     assert plan.angle_lost == pytest.approx([lost, 0, 0, 0], rel=1e-3)
 
 
-def test_a_motor_that_turns_with_two_joints_is_held_back_by_what_both_take():
+def test_limiter_counts_both_joints_of_a_coupled_motor():
     """Upright axes 0.8 m apart, the second through its link's centre: M is constant.
 
     Motor 2 turns at 4 (v_2 - v_1), so motor 1 carries tau_1 + tau_2. Joint 1 is to reach 2 rad/s in
@@ -205,7 +205,7 @@ def test_a_motor_that_turns_with_two_joints_is_held_back_by_what_both_take():
     assert plan.peak_use(arm)[0] == pytest.approx(1, abs=1e-6)
 
 
-def test_torque_that_falls_with_speed_makes_the_fastest_timing_an_exponential(robot):
+def test_falling_torque_makes_retiming_an_exponential(robot):
     """Of a path from rest to rest: v' = a (n0 - v) / (n0 - n1) up, and braking with all of a."""
     n1, n0, angle, h = 0.5, 1.7, 5.0, 1e-5
     v, q, up = 0.0, 0.0, 0.0
@@ -220,7 +220,7 @@ def test_torque_that_falls_with_speed_makes_the_fastest_timing_an_exponential(ro
     assert np.quantile((plan.torque[:, 0] / left)[driving], 0.1) > 0.99
 
 
-def test_viscous_friction_slows_down_only_where_it_takes_the_torque():
+def test_viscous_friction_slows_only_where_torque_is_short():
     # About a vertical axis: J v' = tau - d v, with v = tau / d at most and 2 rad/s commanded.
     turned = loaded(ARM.replace("0 1 0</xyz>", "0 0 1</xyz>").replace("g>0.7", "g>20"))
     limits = {"effort_limit": np.array([30, 40]), "position_upper": np.full(2, np.inf)}
@@ -252,14 +252,14 @@ def test_retiming_spins_a_joint_up_with_all_its_torque_and_ends_at_speed(robot):
 # --- refused motions -------------------------------------------------------------------------
 
 
-def test_a_speed_beyond_the_no_load_speed_is_refused(robot):
+def test_speed_beyond_no_load_speed_is_refused(robot):
     slow, what = falling(robot, 0.5, 1.5), spin_up([6, 1.6])
     for use in (plan_motion, lambda *_: checked_torque(slow, sampled(what))):
         with pytest.raises(InputError, match=r"speed 1\.\S+ rad/s, .* 1\.5 rad/s, .*no-load"):
             use(slow, what)
 
 
-def test_a_motion_that_overpowers_joint_2_is_refused_with_its_torque(robot):
+def test_motion_beyond_torque_of_joint_2_is_refused_with_its_torque(robot):
     weak = dataclasses.replace(robot, effort_limit=LIMITS * [1, 0.8, 1, 1])
     command = load_command("reference", robot)
     motion = sampled(command)
@@ -271,7 +271,7 @@ def test_a_motion_that_overpowers_joint_2_is_refused_with_its_torque(robot):
 
 
 @pytest.mark.parametrize("planner", [plan_motion, retime])
-def test_a_motor_that_cannot_hold_its_link_is_refused(planner):
+def test_motor_that_cannot_hold_its_link_is_refused(planner):
     arm = loaded(ARM.replace("<effort>40", "<effort>3"))
     needed = -2 * 9.81 * 0.3  # N m: 2 kg at 0.3 m
     with pytest.raises(InputError, match=rf"joint 2 'elbow'.* 0\.000 s.* {needed:g} N m.*±3 N m"):
@@ -279,7 +279,7 @@ def test_a_motor_that_cannot_hold_its_link_is_refused(planner):
 
 
 @pytest.mark.parametrize("when, speeds", [("start", (1.0, -1.0)), ("end", (0.0, 1.0))])
-def test_an_end_in_motion_beyond_the_torque_is_refused_with_its_torque(robot, when, speeds):
+def test_end_in_motion_beyond_torque_is_refused_with_its_torque(robot, when, speeds):
     needed = (speeds[1] - speeds[0]) * INERTIA_1  # N m, in 1 s
     told = rf"joint 1 'planetary' needs torque {needed:.6g} N m, available ±682\.752 N m"
     with pytest.raises(InputError, match=rf"'alone' refused: at its {when}, in motion, {told}"):
@@ -288,7 +288,7 @@ def test_an_end_in_motion_beyond_the_torque_is_refused_with_its_torque(robot, wh
 
 # 45000 rad at the speed limit; nothing but inertia: times go with the root of the torque.
 @pytest.mark.parametrize("speed, margin", [(9000, 1), (0.05, 1e-6), (1, 1e-300)])
-def test_a_hundred_times_the_duration_is_refused(robot, speed, margin):
+def test_retiming_beyond_100_times_the_duration_is_refused(robot, speed, margin):
     with pytest.raises(InputError, match=r"'alone' refused: .* most 100 times as long"):
         retime(robot, alone(knots([0, 0], [5, speed], [10, 0])), torque_margin=margin)
 
@@ -301,13 +301,13 @@ def test_a_hundred_times_the_duration_is_refused(robot, speed, margin):
     ],
     ids=["torque", "acceleration"],
 )
-def test_a_joint_that_is_not_back_on_its_command_at_the_end_is_refused(robot, acceleration, found):
+def test_joint_off_its_command_at_the_end_is_refused(robot, acceleration, found):
     calm = dataclasses.replace(robot, acceleration_limit=np.full(4, acceleration))
     with pytest.raises(InputError, match=rf"joint 1 'planetary' {found}"):
         plan_motion(calm, spin_up())
 
 
-def test_more_periods_than_a_motion_may_have_are_refused(robot, monkeypatch):
+def test_retimed_motion_of_too_many_periods_is_refused(robot, monkeypatch):
     monkeypatch.setattr(retiming, "MAX_PERIODS", 840)
     assert 4 < retime(robot, SWING, torque_margin=0.65).motion.duration < 4.2
     with pytest.raises(InputError, match=r"'alone' refused: .* 1\.05 times as long .*, 4 s"):

@@ -28,7 +28,7 @@ def of_yaw(*segments, duration):
     return command_of(MotionProfile(duration=duration, tracks=[track]), DEVICE)
 
 
-def test_speeds_of_a_fourier_series_are_those_computed_by_hand():
+def test_fourier_speeds_equal_series_by_hand():
     """Those of knots and swings are in the reference motion."""
     series = Fourier(at=1, period=4, sine=[0.3, -0.15], cosine=[0.1, 0.2], end=8)
     v = of_yaw(series, duration=11.0).speeds(np.array([1.0, 2, 3, 4, 9, 11]))
@@ -38,7 +38,7 @@ def test_speeds_of_a_fourier_series_are_those_computed_by_hand():
 
 @settings(max_examples=15)
 @given(profile=profiles(DEVICE), angle=st.floats(-90, 90))
-def test_a_turn_after_any_segments_ends_at_its_angle(profile, angle):
+def test_turn_after_any_segments_ends_at_its_angle(profile, angle):
     turn = Turn(to_deg=angle, duration=2)
     tracks = [replace(track, segments=[*track.segments, turn]) for track in profile.tracks]
     profile = replace(profile, tracks=tracks, duration=6)
@@ -98,7 +98,7 @@ BACK = Ramp(at=12, to_g=1, duration=6)
 
 @settings(max_examples=8)
 @given(g=st.floats(1.02, 2), radius=st.floats(2.6, 4), sign=st.sampled_from([-1, 1]))
-def test_the_commanded_g_is_reached_and_the_gondola_aligned_on_any_arm(g, radius, sign):
+def test_spin_reaches_g_with_aligned_gondola_on_any_arm(g, radius, sign):
     def change(root):
         planetary, roll = (root.find(f".//joint[@name='{x}']") for x in ("planetary", "roll"))
         planetary.find(".//xyz").text, roll.find(".//xyz").text = f"0 0 {sign}", f"0 {sign} 0"
@@ -116,7 +116,7 @@ def test_the_commanded_g_is_reached_and_the_gondola_aligned_on_any_arm(g, radius
 # --- what ships ------------------------------------------------------------------------------
 
 
-def test_the_reference_motion_is_as_it_is_published():
+def test_reference_motion_equals_published_one():
     command = load_command("reference", DEVICE)
     t = 0.005 * np.arange(6001)
     roll = [0, 1.5, 1.5, -1.5, -1.5, 1.5, 1.5, 0]
@@ -174,7 +174,7 @@ BAD = [  # tracks, each a joint or resultant with its segments
 STILL = "!Knots {knots: [[0, 0], [20, 0]]}"
 
 
-def test_each_problem_of_a_profile_is_a_line_with_its_place(tmp_path, file_regression):
+def test_each_profile_problem_is_a_line_with_its_place(tmp_path, file_regression):
     """The largest G is hypot(1, 3.1167² 2.6 / 9.81)."""
     path, lines, texts = tmp_path / "test.yaml", [], [f"joints: [{STILL}]"]
     for tracks in BAD:
