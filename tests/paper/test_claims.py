@@ -110,14 +110,14 @@ def with_peak_and_jump(study, peak, jump_at, size):
 # --- on the reference device -----------------------------------------------------------------
 
 
-def test_verdicts_on_the_reference_device(claims):
+def test_claims_have_these_verdicts_on_the_reference_device(claims):
     assert {id_: claim.verdict for id_, claim in claims.items()} == EXPECTED
     for claim in claims.values():
         assert claim.published is not None and claim.computed is not None, claim.id
         assert "{" not in claim.statement + claim.why, claim.id
 
 
-def test_reasons_have_the_numbers(claims, reproduction):
+def test_reasons_of_verdicts_have_the_numbers(claims, reproduction):
     for id_, words in {
         "variation_joint_4": "last link",
         "omega_0k": "0.312",
@@ -153,7 +153,7 @@ def test_reasons_have_the_numbers(claims, reproduction):
     "page",
     ["README.md", "models/README.md", ".github/paper.md", ".github/docs/pages/background/paper.md"],
 )
-def test_documents_tell_how_many_claims_hold(claims, page):
+def test_documents_count_the_claims_that_hold(claims, page):
     own = [claim.verdict for claim in claims.values() if claim.kind == OF_THE_PAPER]
     counts = [len(own), *map(own.count, VERDICTS)]
     text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
@@ -198,6 +198,6 @@ CASES = [
 
 
 @pytest.mark.parametrize(("id_", "change", "verdict"), CASES)
-def test_other_numbers_other_verdicts(reproduction, id_, change, verdict):
+def test_verdicts_turn_with_the_numbers(reproduction, id_, change, verdict):
     (claim,) = [claim for claim in judge_claims(change(reproduction)) if claim.id == id_]
     assert claim.verdict == verdict

@@ -85,7 +85,7 @@ def entry_of(content, key):
 # --- summary.json ----------------------------------------------------------------------------
 
 
-def test_table1(content):
+def test_table_1_equals_the_paper(content):
     columns = {key: [row[key] for row in content["table1"]] for key in content["table1"][0]}
     for name, expected in I_EFF.items():
         np.testing.assert_allclose(columns[name], expected, rtol=2e-4, err_msg=name)
@@ -100,7 +100,7 @@ def test_table1(content):
 
 
 @pytest.mark.parametrize("key", LARGEST, ids=str)
-def test_largest_errors(content, key):
+def test_largest_errors_equal_the_paper(content, key):
     entry = entry_of(content, key)
     tolerance = 0.02 if key[0] == "axis" else 0.05
     np.testing.assert_allclose(entry["max_abs_speed_error"], LARGEST[key], rtol=tolerance)
@@ -110,7 +110,7 @@ def test_largest_errors(content, key):
         np.testing.assert_allclose(np.degrees(entry["max_abs_position_error"]), drift, atol=0.06)
 
 
-def test_errors_at_constant_speed(reproduction):
+def test_errors_at_constant_speed_equal_the_paper(reproduction):
     for (plant, *of), expected in MIDDLE.items():
         recording = getattr(reproduction, plant)(*of).recording
         middle = (recording.time > 11) & (recording.time < 16.5)
@@ -118,7 +118,7 @@ def test_errors_at_constant_speed(reproduction):
         assert largest == pytest.approx(expected, rel=0.02), of
 
 
-def test_what_the_report_says_of_the_pilot_holds(content):
+def test_pilot_sentences_of_the_report_hold(content):
     """Its sentences stand in a file: the numbers must agree with their words."""
     share = {e["controller"]: e["felt"]["share"] for e in content["beyond"]}
     angles = {e["controller"]: e["felt"]["share_from_angles"] for e in content["beyond"]}
@@ -130,7 +130,7 @@ def test_what_the_report_says_of_the_pilot_holds(content):
     assert share["inverse_dynamics"] == 0
 
 
-def test_findings_show_these_numbers(content):
+def test_findings_show_the_recomputed_numbers(content):
     text = (Path(__file__).parents[2] / "diagrams/README.md").read_text(encoding="utf-8")
     lines = [line.split("|") for line in text.splitlines() if line.count("|") == 4]
     rows = {line[1].strip(): line[3] for line in lines}
@@ -157,7 +157,7 @@ def check_header(path, names):
     assert first == ["time", *(f"{name}_{k}" for name in names.split() for k in range(1, 5))]
 
 
-def test_reference_groups_add_up(reproduced, reproduction):
+def test_reference_torque_groups_add_up(reproduced, reproduction):
     path = reproduced / "reference.csv"
     check_header(path, REFERENCE_COLUMNS)
     _, columns = read_table(path)
