@@ -11,7 +11,7 @@ from sdt_drake.pilot.head import GRAVITY, head_motion
 
 @settings(max_examples=10, phases=(Phase.explicit, Phase.generate))  # a seed has no simpler one
 @given(moving(head=True))
-def test_the_head_moves_as_in_drake(case):
+def test_head_motion_equals_drakes(case):
     robot, *states = case
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     head, world = plant.GetFrameByName("head"), plant.world_frame()

@@ -38,7 +38,7 @@ def held(robot, q, samples=50):
 # --- felt and true ------------------------------------------------------------------------------
 
 
-def test_an_illusion_has_its_peak_start_and_end(robot):
+def test_illusion_has_peak_start_and_end_of_its_error(robot):
     head = held(robot, [0, 0, 0, 0], samples=500)
     felt = feel(head, PERIOD, "clark2019")
     rate = np.zeros((500, 3))
@@ -50,7 +50,7 @@ def test_an_illusion_has_its_peak_start_and_end(robot):
     assert felt_apart(felt, wrong) == (0, pytest.approx(np.radians(20), rel=1e-3))
 
 
-def test_angles_are_apart_the_short_way_round(robot):
+def test_angle_difference_is_the_short_way_round(robot):
     """170 deg to the right, felt as 170 to the left, is 20 deg off."""
     head = held(robot, [0, np.radians(170), 0, 0])
     felt = feel(head, PERIOD, "clark2019")
@@ -64,7 +64,7 @@ def test_angles_are_apart_the_short_way_round(robot):
     ("sign", "from_start", "expected"),
     [(1, False, 3), (-1, False, -2), (0, False, 3), (0, True, -5), (1, True, 0)],
 )
-def test_the_intended_error_has_its_sign_and_its_time(robot, sign, from_start, expected):
+def test_intended_illusion_has_sign_and_time(robot, sign, from_start, expected):
     head = held(robot, [0, 0, 0, 0], samples=500)
     felt = feel(head, PERIOD, "clark2019")
     rate = np.radians(np.interp(felt.time, [0, 3, 5, 8, 8.02], [9, 2, 3, -2, 9]))
@@ -80,7 +80,7 @@ def test_the_intended_error_has_its_sign_and_its_time(robot, sign, from_start, e
 
 @pytest.mark.documents
 @pytest.mark.parametrize("k", range(8))
-def test_the_table_of_findings_is_what_is_predicted(robot, k):
+def test_table_of_illusions_equals_predictions(robot, k):
     """With one of the sets for each motion, in turn; the table shows which is not predicted."""
     name, felt, *values, _ = rows_of_table("motion | felt")[k]
     assert {row[0] for row in rows_of_table("motion | felt")} == set(shipped_motions())
@@ -93,7 +93,7 @@ def test_the_table_of_findings_is_what_is_predicted(robot, k):
 
 
 @pytest.mark.documents
-def test_five_of_the_illusions_need_no_canals(robot):
+def test_five_illusions_need_no_canals(robot):
     """A pilot who feels no rotation and takes the force for gravity; README says how many."""
     rows = {name: float(row[-1]) for name, *row in rows_of_table("motion | felt")}
     needless = []
@@ -109,7 +109,7 @@ def test_five_of_the_illusions_need_no_canals(robot):
     assert needless == ["leans", "graveyard_spiral", "coriolis", "somatogravic", "inversion"]
 
 
-def test_the_force_hides_the_bank_of_the_leans_until_the_roll_upright(robot):
+def test_leans_bank_is_hidden_by_the_force_until_the_roll_upright(robot):
     """Its bank is acos(1 / 1.06) = 19.4 deg; upright, the force lies as far to the right."""
     head = planned_head("leans", robot)
     time = PERIOD * np.arange(len(head.rotation))
@@ -122,7 +122,7 @@ def test_the_force_hides_the_bank_of_the_leans_until_the_roll_upright(robot):
     assert np.abs(np.gradient(roll[turning], PERIOD)).max() < 2.5  # Mulder's limit
 
 
-def test_an_own_motion_names_its_illusion(robot, tmp_path):
+def test_motion_file_may_name_its_illusion(robot, tmp_path):
     text = find_file("post_roll", "motion").read_text(encoding="utf-8")
     own = tmp_path / "own.yaml"
     own.write_text(text.replace("sign: -1", "sign: 1"), encoding="utf-8")
@@ -135,7 +135,7 @@ def test_an_own_motion_names_its_illusion(robot, tmp_path):
 # --- pilots -------------------------------------------------------------------------------------
 
 
-def test_pilots_differ_as_was_published_and_in_nothing_else():
+def test_random_pilots_differ_in_published_parameters_alone():
     own = load_perception("slow_yaw")
     drawn = draw_pilots(own, 3000)
     tau, k_w = (np.array([getattr(pilot, field) for pilot in drawn]) for field in ("tau", "k_w"))
@@ -154,7 +154,7 @@ def test_pilots_differ_as_was_published_and_in_nothing_else():
 
 
 @pytest.mark.parametrize("felt", [168, 0, 200])
-def test_interval_is_wilsons(felt):
+def test_share_interval_equals_wilsons(felt):
     """With z = 1.96: (p + z²/2n ± z sqrt(p (1 - p) / n + z²/4n²)) / (1 + z²/n)."""
     errors = np.where(np.arange(200) < felt, -2.0, 1.6)  # of either sign; 1.7 deg is felt
     n, p, z = 200, felt / 200, 1.96

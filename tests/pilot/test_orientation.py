@@ -41,7 +41,7 @@ def felt_of(felt):
 
 
 @pytest.mark.parametrize("name", GAINS)
-def test_yaw_fades_and_is_false_after_a_stop_as_the_transfer_function_says(name):
+def test_yaw_decays_by_the_transfer_function(name):
     """(k_w + 1) C / (1 + k_w H), with C / (1 + k_w H) =
     tau tau_a s² / ((tau_a s + 1) ((s / omega_c + 1)(tau s + 1) + k_w tau s))."""
     model, k_w = load_perception(name), GAINS[name][0]
@@ -61,7 +61,7 @@ def test_yaw_fades_and_is_false_after_a_stop_as_the_transfer_function_says(name)
 @pytest.mark.parametrize(
     ("force", "pitch", "roll"), [((3.0, 0, G), 17.005, 0), ((0, 3.0, G), 0, 17.005)]
 )
-def test_a_lasting_force_is_taken_for_gravity(name, force, pitch, roll):
+def test_lasting_force_is_felt_as_gravity(name, force, pitch, roll):
     """Forward it tilts the pilot nose up, to the left it tilts to the right."""
     time, forces, rate = head(60, 0.05)
     forces[1:] = force
@@ -75,7 +75,7 @@ def test_a_lasting_force_is_taken_for_gravity(name, force, pitch, roll):
     assert 1 < felt.acceleration[:, axis].max() < 3.0 * k_a / (k_a - 1)
 
 
-def test_a_start_with_tilt_and_turn_has_lasted_for_long():
+def test_start_with_tilt_and_turn_is_steady():
     time, force, rate = head(5)
     force[:], rate[:] = (G / 2, 0, G), (0, 0, 0.7)
     felt = perceive(time, force, rate)
@@ -83,7 +83,7 @@ def test_a_start_with_tilt_and_turn_has_lasted_for_long():
     np.testing.assert_allclose(felt.rate, 0, atol=1e-9)
 
 
-def test_samples_may_be_uneven_and_start_anywhere():
+def test_observer_takes_uneven_samples_from_any_time():
     time, force, rate = flight()
     usual = felt_of(perceive(time, force, rate))
     keep = np.flatnonzero(np.arange(len(time)) % 5 != 2)
@@ -109,7 +109,7 @@ def swing(radial):
 
 
 @pytest.mark.parametrize("radial", [0, -1, 1])
-def test_swing_feels_as_the_printed_table_of_rader_says(radial):
+def test_swing_equals_printed_table_of_rader(radial):
     """Largest rate 27 deg/s and speed along y 38 cm/s of all three swings; tilt and translation
     are not compared, how they were read off is not said where the paper could be read."""
     time, force, rate, w = swing(radial)
@@ -136,6 +136,6 @@ def test_swing_feels_as_the_printed_table_of_rader_says(radial):
         (lambda t, f, w: (t, f * (t != 3)[:, None], w), "specific_force: 0 m/s² at 3 s"),
     ],
 )
-def test_bad_samples_are_refused(change, line):
+def test_bad_samples_of_the_observer_are_refused(change, line):
     with pytest.raises(sdt.InputError, match=f"^{line}[^\n]*$"):
         perceive(*change(*flight()))

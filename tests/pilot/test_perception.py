@@ -30,13 +30,13 @@ AXES = np.array([2.04, 2.07, 1.58]) / 1.58  # Benson, Hutt & Brown 1989
 
 @settings(max_examples=10)
 @given(GENERATORS, st.floats(0.003, 100), st.floats(0.001, 0.1))
-def test_low_pass_is_exact_for_straight_pieces(rng, T, h):
+def test_low_pass_is_exact_for_linear_pieces(rng, T, h):
     u = rng.normal(size=(60, 2, 3))
     _, y, _ = lsim(([-1 / T], [1 / T], [1], [0]), u[:, 1, 2], h * np.arange(60), X0=u[0, 1, 2])
     np.testing.assert_allclose(low_pass(u, T, h)[:, 1, 2], y, atol=1e-9)
 
 
-def test_block_and_samples_of_the_canals_follow_the_published_transfer_function():
+def test_canals_follow_published_transfer_function():
     steps = np.random.default_rng(3).normal(size=(400, 3))
     omega, t = np.cumsum(steps, axis=0), 0.1 * np.arange(400)
     law = TransferFunction([TAU * TAU_A, 0, 0], [TAU * TAU_A, TAU + TAU_A, 1])
@@ -49,7 +49,7 @@ def test_block_and_samples_of_the_canals_follow_the_published_transfer_function(
 
 
 @pytest.mark.parametrize(("rate", "hold"), [(90, 60.0), (30, 300.0), (90, 2.0)])
-def test_false_sensation_lasts_as_the_two_decays_say(rate, hold):
+def test_false_sensation_lasts_by_two_exponentials(rate, hold):
     def sensed(t):
         step = (TAU_A * np.exp(-t / TAU) - TAU * np.exp(-t / TAU_A)) / (TAU_A - TAU)
         before = np.exp(-(t + hold) / TAU), np.exp(-(t + hold) / TAU_A)
@@ -71,7 +71,7 @@ def yaw(rate_deg_s):
 
 
 @pytest.mark.parametrize("t", [0.5, 3, 20])
-def test_constant_acceleration_is_felt_from_rodenburgs_threshold_on(t):
+def test_constant_acceleration_is_felt_from_rodenburgs_threshold(t):
     """a_thr(t) = C / (1 - e^{-t/tau1}), C = 0.22 deg/s², tau1 = 14.5 s."""
     rate = 0.22 / (1 - np.exp(-t / 14.5)) * np.arange(0, t + H / 2, H)
     multiples = LONG.multiples(yaw(rate), H)[:, 2]
@@ -79,7 +79,7 @@ def test_constant_acceleration_is_felt_from_rodenburgs_threshold_on(t):
 
 
 @pytest.mark.parametrize("hertz", [0.1, 1])
-def test_a_steady_sine_goes_through_the_high_pass_of_the_fit_and_bensons_axes(hertz):
+def test_sine_is_felt_by_high_pass_and_bensons_thresholds(hertz):
     t = np.arange(0, 15 + 2 / hertz, 1e-3)
     rate = np.repeat(yaw(np.sin(2 * np.pi * hertz * t))[:, 2:], 3, axis=1)
     threshold = 0.30 * np.sqrt(1 + 1 / (0.70 * 2 * np.pi * hertz) ** 2) * AXES
@@ -104,7 +104,7 @@ def motion(rows=1001, **fields):
 
 
 @pytest.mark.parametrize(("axis", "threshold"), [(0, 0.063), (1, 0.057), (2, 0.154)])
-def test_force_is_in_multiples_of_bensons_thresholds(axis, threshold):
+def test_force_is_scaled_by_bensons_thresholds(axis, threshold):
     force = motion().specific_force.copy()
     force[200:500, axis] -= 3 * threshold
     force[700:800, axis] += 0.9 * threshold
@@ -115,7 +115,7 @@ def test_force_is_in_multiples_of_bensons_thresholds(axis, threshold):
     assert felt.worst_rotation[1] == 0
 
 
-def test_quick_rotation_counts_by_the_short_detector_and_a_slow_one_by_the_long():
+def test_rotation_counts_by_short_or_long_detector():
     t = H * np.arange(2001)
     quick, slow = yaw(3 * np.sin(2 * np.pi * t)), yaw(0.3 * 2 * t)  # 0.3 deg/s² for 20 s
     found = [
@@ -128,7 +128,7 @@ def test_quick_rotation_counts_by_the_short_detector_and_a_slow_one_by_the_long(
     assert found[1].worst_rotation == ("yaw", found[1].largest[2])
 
 
-def test_share_counts_time_with_any_channel_above_one():
+def test_felt_share_counts_time_with_any_channel_above_1():
     multiples = np.zeros((10, 6))
     multiples[:3, 0] = multiples[2:5, 4] = 1.5
     multiples[5:, 2] = 1.0  # just felt is not above
@@ -160,7 +160,7 @@ def rows(reproduction):
     return {row.id: row for row in reproduction.reported.result()}
 
 
-def test_predictions_are_those_of_other_implementations(rows):
+def test_predictions_equal_other_implementations(rows):
     for id_, (first, second) in BY_OTHERS.items():
         predicted = [rows[id_].predicted[name] for name in SETS]
         np.testing.assert_allclose(predicted, first, rtol=0.02, atol=0.02, err_msg=id_)
@@ -170,7 +170,7 @@ def test_predictions_are_those_of_other_implementations(rows):
         assert backward == pytest.approx(forward, abs=0.05)
 
 
-def test_no_set_passes_both(rows):
+def test_no_parameter_set_passes_both_experiments(rows):
     said = verdict_of_all(list(rows.values()))
     assert said.startswith("No parameter set passes both") and "gondola turns: none" in said
     assert "yaw decay: irmak2023, rader2009 and slow_yaw" in said
