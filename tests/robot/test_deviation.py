@@ -18,7 +18,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("values, message", BAD)
-def test_an_error_that_does_not_fit_the_robot_is_refused(robot, values, message):
+def test_deviation_that_does_not_fit_the_robot_is_refused(robot, values, message):
     with pytest.raises(InputError, match="^" + re.escape(f"model.{message}")):
         deviated(robot, Deviation(**values), "model")
 
@@ -33,7 +33,7 @@ POSES = [
 
 
 @pytest.mark.parametrize("pose, com, turned", POSES)
-def test_a_payload_is_shifted_from_any_pose_and_not_turned(pose, com, turned):
+def test_payload_is_shifted_from_any_pose_and_not_turned(pose, com, turned):
     arm = loaded(ARM.replace("<pose>0.3 0 0 0 0 0</pose>", pose))
     moved = deviated(arm, Deviation("lower", payload_offset=[0.1, 0.2, 0.3]))
     _, where, central = parts_of(moved.plant.GetBodyByName("lower"))
@@ -42,7 +42,7 @@ def test_a_payload_is_shifted_from_any_pose_and_not_turned(pose, com, turned):
     np.testing.assert_allclose(central, np.diag(moments), atol=1e-12)
 
 
-def test_a_link_without_mass_has_none_to_scale():
+def test_scaling_a_massless_link_is_refused():
     none = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
     robot = loaded(ARM[: ARM.index("<mass>")] + none + ARM[ARM.index("</inertial>") :])
     with pytest.raises(InputError, match="payload_mass: link 'upper' has no mass to scale"):

@@ -10,7 +10,7 @@ from sdt_drake.robot.dynamics import torque_groups
 
 
 @pytest.mark.parametrize("text, suffix", [(ARM, ".sdf"), (URDF, ".urdf")])
-def test_groups_of_a_planar_arm_are_those_of_the_textbook(text, suffix):
+def test_torque_groups_of_planar_arm_equal_textbook(text, suffix):
     arm = loaded(text, suffix)
     q, v, vd = np.random.default_rng(1).uniform(-3, 3, (3, 20, 2))
     groups = torque_groups(arm, q, v, vd)
@@ -54,7 +54,7 @@ PRINTED = {
 
 
 @pytest.mark.parametrize("quantity", PRINTED)
-def test_range_along_the_reference_motion_is_that_of_the_independent_calculation(design, quantity):
+def test_ranges_along_reference_motion_equal_independent_calculation(design, quantity):
     coupled = np.max(np.abs(design.torques.coupled), axis=0)
     values = coupled if quantity == "coupled" else getattr(design.inertia, quantity)
     for value, text in zip(values, PRINTED[quantity].split(), strict=True):
@@ -79,7 +79,7 @@ def at(friction, v):
     return device.sliding_friction(device.friction_parameters(friction, 4), np.full(4, v))
 
 
-def test_friction_by_hand():
+def test_friction_torque_equals_formula():
     # Joint 1 at 2 v_s: 300 + 150 * 2 exp(-3 / 2) + 40 * 0.06.
     assert at(FRICTION, 2 * V_S)[0] == pytest.approx(300 + 66.9390480 + 2.4, rel=1e-9)
     # Joint 3 at v_s / 2: 10 / 2 exp(3 / 8) + 8 * 0.015, and with what it carries both ways.
@@ -93,7 +93,7 @@ def test_friction_by_hand():
     np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
 
 
-def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
+def test_link_swings_at_given_frequency_on_spring_and_gravity():
     """d x'' + c x' + (k + k_g) x = 0 has the roots of omega and zeta."""
     assert Elasticity(OMEGA).encoder == "motor"
     for elasticity, zeta in (

@@ -39,7 +39,7 @@ CHOICES = {
 
 
 @pytest.mark.parametrize("fields, torque, rotors, ratio", CHOICES.values(), ids=CHOICES)
-def test_limits_rotors_and_gears(robot, fields, torque, rotors, ratio):
+def test_chosen_motors_set_limits_rotors_and_gears(robot, fields, torque, rotors, ratio):
     other = chosen_robot(robot, DeviceChoice(**fields))
     ratios = [ratio, 1, 1, 1]
     np.testing.assert_allclose(other.effort_limit, np.multiply(torque, ratios), rtol=1e-15)
@@ -51,7 +51,7 @@ def test_limits_rotors_and_gears(robot, fields, torque, rotors, ratio):
         np.testing.assert_array_equal(links(other, Q[0]), links(robot, Q[0]))
 
 
-def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
+def test_motor_masses_are_added_to_the_inboard_link(robot):
     """Joint 1 stands on the ground; the others 2.6 m from its axis, on their own axes."""
     other = chosen_robot(robot, DeviceChoice(motors=LIGHTER, fitted=FITTED))
     moving = sum(MASS[new] - MASS[old] for new, old in zip(LIGHTER[1:], FITTED[1:], strict=True))
@@ -62,7 +62,7 @@ def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
     np.testing.assert_allclose(after.gravity, before.gravity, atol=1e-9)  # the axes meet there
 
 
-def test_structure_scales_and_neither_payload_nor_motors_do(robot):
+def test_structure_scale_leaves_payload_and_motors(robot):
     s, heavier = 0.7, deviated(robot, Deviation(payload_mass=PAYLOAD))
     other = chosen_robot(robot, DeviceChoice(structure_scale=s))
     assert total_mass(other) == pytest.approx(s * (total_mass(robot) - PAYLOAD) + PAYLOAD)
@@ -79,7 +79,7 @@ def test_structure_scales_and_neither_payload_nor_motors_do(robot):
 
 
 @pytest.mark.parametrize("s, p", [(0.7, 1.0), (1.3, 3.0)])
-def test_frequency_of_the_structure(robot, s, p):
+def test_structure_frequency_follows_scale_and_load(robot, s, p):
     other = chosen_robot(robot, DeviceChoice(structure_scale=s, stiffness_exponent=p))
     before, after = (links(r, np.zeros(4))[0, 0] for r in (robot, other))
     assert other.frequency_factor == pytest.approx(np.sqrt(s**p * before / after), rel=1e-12)
@@ -99,13 +99,13 @@ BAD = [
 
 
 @pytest.mark.parametrize("values, message", BAD)
-def test_a_bad_choice_is_refused(robot, values, message):
+def test_device_with_bad_choice_is_refused(robot, values, message):
     light = deviated(robot, Deviation(link_scales=[1, 0.2, 1, 1, 1]))  # roll_frame: 60 kg
     with pytest.raises(InputError, match="^" + re.escape(message)):
         chosen_robot(light, DeviceChoice(**{"fitted": FITTED} | values))
 
 
-def test_planner_controller_and_plant_know_the_device(robot, design):
+def test_chosen_device_reaches_planner_controller_and_plant(robot, design):
     fields = {"device.motors": LIGHTER, "device.structure_scale": 0.8, "device.fitted": FITTED}
     scenario = load_scenario("coupled_pi_ctc").changed(fields)
     made = make_design(scenario, motion=design.reference.tracked)
@@ -130,7 +130,7 @@ MOTOR = """
 """
 
 
-def test_rpm_become_rad_per_s(tmp_path):
+def test_catalogue_rpm_become_rad_per_s(tmp_path):
     (tmp_path / "motors.yaml").write_text("motors:" + MOTOR)
     (motor,) = load_catalogue(tmp_path / "motors.yaml").motors
     assert (motor.n1, motor.n0) == pytest.approx((2 * np.pi, 4 * np.pi), rel=1e-15)
@@ -145,7 +145,7 @@ BAD_MOTORS = [
 
 
 @pytest.mark.parametrize("old, new, message", BAD_MOTORS, ids=[case[-1] for case in BAD_MOTORS])
-def test_a_bad_motor_is_refused_with_file_and_field(tmp_path, old, new, message):
+def test_bad_motor_is_refused_with_file_and_field(tmp_path, old, new, message):
     path = tmp_path / "motors.yaml"
     path.write_text("motors:" + MOTOR.replace(old, new))
     with pytest.raises(InputError) as error:

@@ -22,7 +22,7 @@ def moments_of(robot, link):
     return parts_of(robot.plant.GetBodyByName(link))[2]
 
 
-def test_an_inertia_that_rounding_broke_is_the_nearest_that_a_body_can_have(caplog):
+def test_rounded_inertia_becomes_the_nearest_physical_one(caplog):
     """0.25 + 0.50 < 0.76 by one digit, 0.01: half of it on each of the two small moments."""
     robot = loaded(ARM.replace("<izz>0.6", "<izz>0.76"))
     np.testing.assert_allclose(np.diag(moments_of(robot, "upper")), [0.255, 0.505, 0.76])
@@ -31,7 +31,7 @@ def test_an_inertia_that_rounding_broke_is_the_nearest_that_a_body_can_have(capl
     assert [r.message for r in caplog.records] == [f"{robot.path}: {told}"]
 
 
-def test_a_zero_by_rounding_moves_a_joint_that_nothing_else_would():
+def test_inertia_printed_as_0_is_raised_where_a_joint_needs_it():
     text = URDF.replace('xyz="0.3 0 0"', 'xyz="0 0.3 0"')  # the mass is on the elbow's axis
     text = text.replace(FLAT, '<inertia ixx="0.003" iyy="0.000" izz="0.003"/>')
     robot = loaded(text, ".urdf")
@@ -54,7 +54,7 @@ def wrist():
     return loaded(COUPLED)
 
 
-def test_a_motor_that_turns_with_another_joint(wrist):
+def test_coupled_motor_has_the_sides_and_inertia_by_hand(wrist):
     np.testing.assert_array_equal(wrist.coupling, MATRIX)
     assert wrist.is_coupled and "also turns with 'shoulder' (-2)" in wrist.accepted[0]
     # Motor speeds: 10 x 1 = 10, -2 x 1 + 4 x 3 = 10. Torques by power: 5 x 10 - 2 x 7, 4 x 7.
@@ -64,7 +64,7 @@ def test_a_motor_that_turns_with_another_joint(wrist):
     np.testing.assert_allclose(wrist.motor_torque([36, 28]), [5, 7])
 
 
-def test_couplings_of_a_urdf():
+def test_urdf_transmissions_give_the_coupling():
     second = (
         '<transmission name="wrist"><type>SimpleTransmission</type><joint name="elbow"/>'
         '<actuator name="m2"><sdt:turns_with joint="shoulder" value="-2"/>'
@@ -74,7 +74,7 @@ def test_couplings_of_a_urdf():
     np.testing.assert_array_equal(wrist.coupling, MATRIX)
 
 
-def test_a_differential_of_ros():
+def test_ros_differential_transmission_gives_the_coupling():
     """Motors 2 (3 v_1 + 5 v_2) and 7 (3 v_1 - 5 v_2), the second counted the other way."""
     part = '<{0} name="{1}"><mechanicalReduction>{2}</mechanicalReduction></{0}>'
     parts = [("joint", "shoulder", 3), ("joint", "elbow", 5), ("actuator", "a", 2)]
@@ -86,7 +86,7 @@ def test_a_differential_of_ros():
     refused(text, ">5<", ">0<", "'wrist': <mechanicalReduction> is '0', expected")
 
 
-def test_recorded_torques_of_coupled_motors_become_those_of_the_joints(wrist, tmp_path):
+def test_recorded_torques_of_coupled_motors_become_joint_torques(wrist, tmp_path):
     path = tmp_path / "run.csv"
     rows = "".join(f"{0.01 * i},{0.1 * i},0,5,7\n" for i in range(50))
     path.write_text("time,q_1,q_2,tau_1,tau_2\n" + rows)
@@ -97,7 +97,7 @@ def test_recorded_torques_of_coupled_motors_become_those_of_the_joints(wrist, tm
     np.testing.assert_allclose(q[10], [0.1, 0.05])  # 1 = 10 x 0.1, and 0 = -2 x 0.1 + 4 x 0.05
 
 
-def test_planned_motions_keep_what_coupled_motors_can_give(wrist):
+def test_plan_keeps_torque_limits_of_coupled_motors(wrist):
     """At rest at q = 0 the shoulder carries 4 x 0.5 + 2 x 1.1, the elbow 2 x 0.3 kg m times g; the
     shoulder's motor carries half of the elbow's load, too: tau_1 = 10 m_1 - 2 m_2."""
     motion = Motion(0.005, *np.zeros((3, 3, 2)))
@@ -109,7 +109,7 @@ def test_planned_motions_keep_what_coupled_motors_can_give(wrist):
     checked_torque(loaded(weak.replace(TURNS, "")), motion)
 
 
-def test_a_drive_table_accelerates_each_rotor_as_its_motor_turns(wrist, tmp_path):
+def test_drive_table_has_rotor_torques_of_coupled_motors(wrist, tmp_path):
     """A rotor of 0.03 kg m² on motor 2, which turns at -2 v_1 + 4 v_2, and nothing on motor 1."""
     turns = TURNS + "<drake:rotor_inertia>0.03</drake:rotor_inertia>"
     heavier = loaded(COUPLED.replace(TURNS, turns))
@@ -123,7 +123,7 @@ def test_a_drive_table_accelerates_each_rotor_as_its_motor_turns(wrist, tmp_path
     np.testing.assert_allclose(torque[1] - torque[0], np.stack([0 * rotor, rotor], 1), atol=1e-9)
 
 
-def test_set_points_of_coupled_motors(wrist):
+def test_set_points_of_coupled_motors_convert_back(wrist):
     """A motor turn is 1000 increments, but the second counts the other way."""
     axes = [Axis(increments=1000, rated_torque=10, sign=sign) for sign in (1, -1)]
     drives = Drives(cycle_time=0.01, axes=axes)
@@ -147,7 +147,7 @@ def dynamics(plant, q):
     return plant.CalcMassMatrix(context), plant.CalcGravityGeneralizedForces(context)
 
 
-def test_places_and_turned_inertias_are_those_of_drakes_own_reader():
+def test_urdf_poses_and_inertias_equal_drakes_own_reader():
     text = URDF
     for old, new in (
         ('<origin xyz="0.8 0 0"/>', '<origin xyz="0.8 0.1 -0.2" rpy="0.3 -0.5 1.1"/>'),

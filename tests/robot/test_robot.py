@@ -7,7 +7,7 @@ from helpers.robots import ARM, URDF, loaded, refused
 from sdt_drake.robot.motors import load_catalogue
 
 
-def test_the_shipped_device_and_its_catalogue_have_the_published_motors(robot):
+def test_shipped_device_and_catalogue_have_published_motors(robot):
     assert (robot.name, robot.joint_names) == ("sdt", ("planetary", "roll", "pitch", "yaw"))
     peak, rotors, ratios = [203.2, 3950, 2150, 2150], [0.1291, 1.73, 0.531, 0.531], [67.2, 1, 1, 1]
     check(robot, {
@@ -27,7 +27,7 @@ def test_the_shipped_device_and_its_catalogue_have_the_published_motors(robot):
 
 
 @pytest.mark.parametrize("many", ["1.79769e+308", "1e17", "9" * 5000])
-def test_a_limit_beyond_all_numbers_is_none(many):
+def test_infinite_joint_limit_means_no_limit(many):
     assert loaded(SDF.replace("<velocity>3", f"<velocity>{many}")).velocity_limit[0] == np.inf
     refused(SDF, "<mass>4", f"<mass>{many}", "link 'upper': <mass> is '.*', expected a number")
 
@@ -42,7 +42,7 @@ SDF = ARM.replace("<effort>40</effort>", LIMIT)
 @pytest.mark.parametrize(
     "text, suffix, acceleration", [(SDF, ".sdf", 2.5), (URDF, ".urdf", np.inf)]
 )
-def test_values_of_a_file_reach_the_robot(text, suffix, acceleration):
+def test_file_values_reach_the_robot(text, suffix, acceleration):
     robot = loaded(text, suffix)
     assert (robot.name, robot.joint_names) == ("arm", ("shoulder", "elbow"))
     check(robot, {
@@ -112,7 +112,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
+def test_bad_sdf_is_refused_with_file_place_and_number(old, new, message):
     refused(ARM, old, new, message)
 
 
@@ -130,7 +130,7 @@ MANY = [
 
 @pytest.mark.parametrize("text", [ARM, URDF], ids=["sdf", "urdf"])
 @pytest.mark.parametrize("many, message", MANY, ids=[case[-1] for case in MANY])
-def test_a_robot_has_not_more_parts_than_drake_reads_in_time(text, many, message):
+def test_robot_with_too_many_parts_is_refused(text, many, message):
     """The time of its parser grows with the square of some of them."""
     end = "</link>"
     refused(text, end, many + end, message)

@@ -41,7 +41,7 @@ def test_torque_groups_add_up_to_pinocchios_inverse_dynamics(case):
 
 @MANY
 @given(robots(coupled=True), GENERATORS)
-def test_sides_of_the_gears(robot, rng):
+def test_motor_and_joint_sides_convert_both_ways_with_equal_power(robot, rng):
     """Speeds by the coupling, torques by the same power."""
     v, torque = rng.normal(size=(2, 4, robot.n))
     motors, joints = robot.of_motors(v), robot.joint_torque(torque)
@@ -86,7 +86,7 @@ def test_loads_follow_algorithm_1(own, coupled, r):
 
 @FEW
 @given(robots(), st.data())
-def test_every_link_is_as_the_deviation_says_and_nothing_else_changes(robot, data):
+def test_deviation_scales_its_links_and_leaves_the_others(robot, data):
     rng, links = data.draw(GENERATORS), [f"link_{k + 1}" for k in range(robot.n)]
     names = re.findall('<link name="(.*?)"', robot.sdf)
     payload, scales = data.draw(st.sampled_from(links)), rng.uniform(0.5, 2, len(names))
@@ -113,7 +113,7 @@ def check_same_but_inertia(model, robot):
 
 @FEW
 @given(robots(coupled=True))
-def test_the_text_of_a_robot_is_that_robot(robot):
+def test_saved_robot_loads_as_the_same_robot(robot):
     same = edited(robot, lambda root: None)
     check_same_but_inertia(same, robot)
     assert same is not robot and same.sdf == robot.sdf

@@ -72,18 +72,18 @@ def with_mesh(tmp_path):
 
 
 @pytest.mark.parametrize("files", INSIDE)
-def test_a_mesh_has_its_looks_from_its_folders(with_mesh, files):
+def test_mesh_takes_textures_from_its_folders(with_mesh, files):
     assert with_mesh(files) == ""
 
 
 @pytest.mark.parametrize("files, name", OUTSIDE)
-def test_a_mesh_brings_no_other_files(with_mesh, files, name):
+def test_mesh_that_refers_to_foreign_files_is_not_drawn(with_mesh, files, name):
     """They would be in a page that is handed on."""
     told = with_mesh(files)
     assert told.startswith("link 'upper': mesh a.") and f" refers to {name}, expected " in told
 
 
-def test_a_mesh_of_a_urdf_is_the_one_that_was_checked(with_mesh, tmp_path):
+def test_urdf_mesh_is_read_from_the_checked_path(with_mesh, tmp_path):
     """Drake reads an attribute, and <uri> only in an SDF."""
     files = {"a.obj": "", "b.obj": f"mtllib {SECRET}"}
     mesh = 'filename="file:///b.obj"><uri>a.obj</uri></mesh><none'
@@ -95,7 +95,7 @@ def test_a_mesh_of_a_urdf_is_the_one_that_was_checked(with_mesh, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "[" * 100_000, "\xff", '{"a": 1} x'])
-def test_a_broken_mesh_is_not_drawn(with_mesh, text):
+def test_broken_mesh_is_left_out_with_reason(with_mesh, text):
     assert with_mesh({"a.gltf": text}) == "link 'upper': mesh a.gltf is not valid glTF"
     many = "\n".join(f"map_Kd {k}" for k in range(2001))
     told = with_mesh({"a.obj": LIBRARY, "a.mtl": many})
@@ -114,7 +114,7 @@ PLACES = [
 
 
 @pytest.mark.parametrize("uri, expected", PLACES)
-def test_a_mesh_is_found_beside_its_robot_or_in_its_package(with_mesh, tmp_path, uri, expected):
+def test_mesh_is_found_beside_its_robot_or_in_its_package(with_mesh, tmp_path, uri, expected):
     files = {"a b.obj": "", "a.dae": "", "looks/a.gltf": gltf('"images": []')}
     told, home = with_mesh(files, f'filename="{uri}"'), tmp_path / "description"
     mesh = ET.fromstring(drawable(load_robot(home / "arm.urdf"))[0]).find(".//mesh")

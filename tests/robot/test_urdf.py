@@ -34,11 +34,11 @@ BAD = [
 
 
 @pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_urdf_is_refused_with_file_and_place(old, new, message):
+def test_bad_urdf_is_refused_with_file_and_place(old, new, message):
     refused(URDF, old, new, message)
 
 
-def test_numbers_without_a_meaning_are_left_out_and_told():
+def test_unknown_urdf_attributes_are_ignored_and_told():
     text = URDF.replace('<limit effort="40"/>', '<limit effort="40" lower="-6.28" upper="6.28"/>')
     text = text.replace("<dynamics ", '<dynamics D="1" K="7000" mu_coulomb="0" mu_viscous="16" ')
     at = '<joint name="shoulder"><hardware'
@@ -58,7 +58,7 @@ def test_numbers_without_a_meaning_are_left_out_and_told():
     assert plain.accepted == robot.accepted[:2]  # a zero tells nothing
 
 
-def test_a_frame_stands_on_a_link_without_mass():
+def test_frame_may_stand_on_a_massless_link():
     """1 m along the lower link, which is 0.8 m along the upper one, and 2 m across."""
     more = (
         "<link name='tool'/><joint name='flange' type='fixed'><parent link='lower'/>"
@@ -71,7 +71,7 @@ def test_a_frame_stands_on_a_link_without_mass():
     np.testing.assert_allclose(RollPitchYaw(X.rotation()).vector(), [0, 0, 1], atol=1e-15)
 
 
-def test_a_link_without_mass_leaves_the_mass_matrix_of_the_others():
+def test_massless_link_leaves_the_mass_matrix_of_the_others():
     """Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor."""
     none = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
     robot = loaded(ARM[: ARM.index("<mass>")] + none + ARM[ARM.index("</inertial>") :])
