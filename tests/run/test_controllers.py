@@ -52,7 +52,7 @@ def mine(design):
     return pi_speed_controller(gains=own, gear_ratio=design.device.simulated.gear_ratio)
 
 
-def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed):
+def test_registered_controller_is_known_to_scenarios_and_comparisons(designed):
     base = designed("coupled_pi", end=0.2)
     with pytest.raises(InputError, match=r"controllers: 'mine', expected one of pi, "):
         compare(base, ["mine"])
@@ -91,7 +91,7 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
         ("inverse_dynamics", "pi", None, "remove it"),
     ],
 )
-def test_the_old_words_for_the_weight_are_read_with_a_line(tmp_path, kind, word, weight, line):
+def test_old_structure_words_work_and_warn(tmp_path, kind, word, weight, line):
     (tmp_path / "old.yaml").write_text(
         f"plant: {{kind: coupled}}\ncontroller: {{kind: {kind}, structure: {word}, omega_r: 60}}\n"
     )
@@ -104,7 +104,7 @@ def test_the_old_words_for_the_weight_are_read_with_a_line(tmp_path, kind, word,
         assert controller.structure == ("pi" if weight != 0 else word)
 
 
-def test_another_kind_keeps_the_options_that_it_takes():
+def test_other_controller_kind_keeps_shared_options():
     base = load_scenario("coupled_pi", {"controller.anti_windup": True})
     cascade = base.changed({"controller.kind": "p_pi", "controller.position_gain": [8.0] * 4})
     assert type(cascade.controller) is PPi and cascade.controller.anti_windup
@@ -115,7 +115,7 @@ def test_another_kind_keeps_the_options_that_it_takes():
         cascade.changed({"controller.kind": "pi"})
 
 
-def test_editors_know_the_options_of_each_kind():
+def test_schema_has_options_of_each_controller():
     validator = pytest.importorskip("jsonschema").Draft7Validator
     schema = json_schema(Scenario, "scenario")
     for kind, options in SHIPPED.items():
@@ -132,7 +132,7 @@ def test_editors_know_the_options_of_each_kind():
     assert validator(schema).is_valid({"controller": {"kind": "mine", "file": "a.py", "share": 1}})
 
 
-def test_options_of_your_own_are_fields_of_scenarios(tmp_path, designed):
+def test_own_controller_options_are_scenario_fields(tmp_path, designed):
     register_controller("mine", mine, MyOptions)
     (tmp_path / "own.yaml").write_text(
         "plant: {kind: coupled}\ncontroller: {kind: mine, omega_r: 60, share: 0.5}\n"
@@ -154,7 +154,7 @@ def test_options_of_your_own_are_fields_of_scenarios(tmp_path, designed):
     assert not np.array_equal(simulate(whole).tau, simulate(half).tau)
 
 
-def test_options_that_a_class_of_0_4_lists_are_taken_with_a_warning():
+def test_options_listed_as_in_0_4_work_and_warn():
     class Old(LeafSystem, Controller):
         options = ("feedforward", "anti_windup")
 
@@ -196,7 +196,7 @@ def command(loop, i, q, v):
 
 
 @pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
-def test_the_command_after_updates_is_that_of_the_loop(designed, kind, choices):
+def test_recomputed_command_equals_that_of_the_loop(designed, kind, choices):
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
     loop = make_loop(designed("coupled_pi", fields, start=2.0, end=3.0, rest=2))
     motion, rng = loop.design.reference.tracked, np.random.default_rng(3)
@@ -229,7 +229,7 @@ SCHEDULED = [("pi_scheduled", {}), ("pi_scheduled", {"feedforward": "ctc", "setp
 
 
 @pytest.mark.parametrize(("kind", "choices"), [*WIRED, *SCHEDULED], ids=str)
-def test_a_controller_starts_with_the_command_of_rest(designed, kind, choices):
+def test_controller_starts_with_the_command_of_rest(designed, kind, choices):
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
     rests(designed("coupled_pi", fields, start=2.0, end=3.0, rest=2))
 
@@ -237,7 +237,7 @@ def test_a_controller_starts_with_the_command_of_rest(designed, kind, choices):
 @pytest.mark.parametrize(
     ("kind", "options"), [("pi", {}), ("pi", {"setpoint_weight": 0.4}), ("p_pi", {})]
 )
-def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, options):
+def test_held_mean_speeds_are_those_of_the_periods(designed, kind, options):
     """Of a motion that accelerates; a run starts without an error of speed all the same."""
     fields = {f"controller.{name}": value for name, value in (options | {"kind": kind}).items()}
     design = designed("coupled_pi", fields | {"held_speed": "mean"}, start=2.0, end=2.1)
@@ -247,7 +247,7 @@ def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, opt
     rests(design, reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
 
 
-def test_linear_gains_are_scheduled_with_the_inertia(designed):
+def test_scheduled_gains_follow_the_inertia(designed):
     plain = designed("coupled_pi", end=0.1)
     share = np.array([0.5, 0.6, 0.7, 0.8])
     design = designed("coupled_pi", {"controller.kind": "pi_scheduled"}, end=0.1)

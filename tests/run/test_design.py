@@ -36,7 +36,7 @@ def make(designed):
     return lambda name="pi", **controller: designed("coupled_pi", kind(name, **controller))
 
 
-def test_friction_compensation_is_added_after_the_gain(designed):
+def test_friction_compensation_is_not_scaled_by_the_feedforward_gain(designed):
     """Coulomb, Stribeck and viscous friction."""
     gain, (f_c, b, f_b) = [0.5, 1.2, 0.0, -1.0], np.array(SLIDING)
     changes = kind("pi_id", friction_compensation=True, feedforward_gain=gain)
@@ -49,7 +49,7 @@ def test_friction_compensation_is_added_after_the_gain(designed):
     np.testing.assert_allclose(design.tuning.feedforward.along, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
+def test_wrong_model_changes_controller_and_not_plant(make):
     right, wrong = make("pi_id"), make("pi_id", model=LIGHT)
     # 180 kg with the payload, 140 kg without a part of it.
     mass = wrong.device.model.plant.CalcTotalMass(wrong.device.model.plant.CreateDefaultContext())
@@ -66,7 +66,7 @@ def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
 
 
 @pytest.mark.parametrize("model", [Deviation(), LIGHT, Deviation(inertia_scale=1.25)], ids=str)
-def test_gains_are_tuned_to_the_largest_inertia_of_the_model_and_scheduled_with_it(make, model):
+def test_gains_are_tuned_to_largest_inertia_of_the_model(make, model):
     design, inertia = make(model=model), []
     plant = design.device.model.plant
     context = plant.CreateDefaultContext()
@@ -88,7 +88,7 @@ def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
 
 
 @pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
-def test_springs_stay_whatever_they_carry_and_axes_alone_are_told_its_load(designed, name):
+def test_springs_keep_stiffness_under_deviation(designed, name):
     elastic = {"plant.elasticity": Elasticity([60.0] * 4), "plant.i_eff": None}
     heavy = {"plant.deviation": Deviation(inertia_scale=1.5)}
     nominal, heavier = designed(name, elastic), designed(name, elastic | heavy)
@@ -122,20 +122,20 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
          r"controller\.model\.payload_mass: -180 kg"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_or_would_make_the_simulation_crawl(designed, fields, message):
+def test_impossible_or_too_stiff_designs_are_refused(designed, fields, message):
     with pytest.raises(InputError, match=rf"^scenario 'coupled_pi': {message}") as error:
         designed("coupled_pi", fields)
     assert "\n" not in str(error.value)
 
 
-def test_a_replaced_scenario_that_does_not_fit_makes_no_loop(design):
+def test_loop_of_a_design_with_too_stiff_replaced_scenario_is_refused(design):
     stiff = design.scenario.changed({"plant.elasticity": Elasticity([0.0, 0.0, 1e6, 0.0])})
     said = r"^scenario '\w+': plant\.elasticity\.natural_frequency: gives joint 3 a pole"
     with pytest.raises(InputError, match=said):
         make_loop(dataclasses.replace(design, scenario=stiff))
 
 
-def test_torques_along_a_long_motion_are_those_of_its_samples_and_progress_is_told(robot):
+def test_torques_of_a_long_motion_equal_samples_with_progress(robot):
     wave = np.sin(0.01 * np.outer(np.arange(10_001), [1, 2, 3, 4]))
     motion, told = Motion.from_speeds(0.005, np.zeros(4), wave), []
     with watching(told.append):
@@ -146,7 +146,7 @@ def test_torques_along_a_long_motion_are_those_of_its_samples_and_progress_is_to
         np.testing.assert_array_equal(getattr(groups, name), values, err_msg=name)
 
 
-def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, monkeypatch):
+def test_torques_are_computed_once_per_robot_and_motion(designed, robot, monkeypatch):
     plant, asked = import_module("sdt_drake.run.plant"), []
 
     def counted(robot, q, v, vd):
@@ -176,7 +176,7 @@ def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, mon
 # --- device, reference and tuning -------------------------------------------------------------
 
 
-def test_names_of_a_design_up_to_0_4_work_and_warn(designed):
+def test_design_names_of_0_4_work_and_warn(designed):
     design = designed("coupled_pi_ctc", end=0.1)
     for old, new in _OLD_NAMES.items():
         with pytest.warns(
@@ -187,7 +187,7 @@ def test_names_of_a_design_up_to_0_4_work_and_warn(designed):
         _ = design.nonsense
 
 
-def test_a_wrong_model_is_what_gains_and_told_inertia_follow(designed):
+def test_wrong_model_sets_gains_and_told_inertia(designed):
     """The loads of the loop are those of the nominal robot, whatever the controller believes."""
     right = designed("coupled_pi", end=0.1)
     wrong = designed("coupled_pi", {"controller.model": LIGHT}, end=0.1)
@@ -209,7 +209,7 @@ def test_a_wrong_model_is_what_gains_and_told_inertia_follow(designed):
         ({"plant.deviation": LIGHT}, True),  # a coupled plant is told the nominal load
     ],
 )
-def test_the_feedforward_is_the_load_torque_only_if_both_deviate_alike(designed, fields, is_load):
+def test_feedforward_equals_load_torque_only_under_equal_deviation(designed, fields, is_load):
     design = designed("coupled_pi_ctc", fields, end=0.1)
     block = make_feedforward(design, adds=True, feeds=("load_torque",))
     assert block.HasSubsystemNamed("feedforward_table") != is_load

@@ -14,7 +14,7 @@ PERIOD, HOLD = 0.005, 1.0  # s; rad/s of joint 2
 CONSISTENT = {"algorithm": "consistent"}
 
 
-def test_anti_windup_is_back_in_less_than_half_the_time(designed):
+def test_anti_windup_halves_the_time_back_from_saturation(designed):
     """Joint 2 at constant speed, its motor overloaded by 2 % from 0.1 s to 1.1 s."""
     load, times = np.zeros((701, 4)), []
     load[20:220, 1] = 1.02 * LIMIT[1]
@@ -32,7 +32,7 @@ def test_anti_windup_is_back_in_less_than_half_the_time(designed):
     assert 0 < times[1] < 0.5 * times[0], times
 
 
-def test_a_delay_of_whole_periods_shifts_the_response_by_as_many_samples(designed):
+def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(designed):
     fields = kind("p_pi") | CONSISTENT
     prompt = simulate(designed("axis_pi", fields, end=0.8, rest=3)).v
     for count in (1, 50):

@@ -20,7 +20,7 @@ LOOPS = Path(__file__).parents[1] / "helpers" / "dropped_loops.py"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_loops_that_ran_leave_no_memory_behind():
+def test_dropped_loops_leave_no_memory():
     """Of every shipped scenario, and with torques on line, which are Python; each kept 0.6 MB."""
     command = [sys.executable, LOOPS, "200", *shipped("scenario")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -37,7 +37,7 @@ def dropped(system):
 
 
 @pytest.mark.parametrize("name", alone.ARGUMENTS)
-def test_a_block_is_freed(name, robot, meshcat):
+def test_dropped_block_is_freed(name, robot, meshcat):
     drawn = {"meshcat": meshcat} if name == "robot_drawing" else {}
     assert dropped(lambda: alone.made(name, robot, **drawn))
 
@@ -58,13 +58,13 @@ class Tidy(LeafSystem, Controller):
         output.SetFromVector(-self.measured.Eval(context)[output.size() :])
 
 
-def test_a_loop_with_a_tidy_controller_in_python_is_freed(designed):
+def test_dropped_loop_with_python_controller_is_freed(designed):
     register_controller("tidy", Tidy)
     design = designed("coupled_pi", {"controller.kind": "tidy"}, end=0.1)
     assert dropped(lambda: make_loop(design).diagram)
 
 
-def test_rotors_of_coupled_motors_and_drawn_loops_are_freed(designed, meshcat):
+def test_dropped_coupled_and_drawn_loops_are_freed(designed, meshcat):
     wrist = loaded(WRIST)
     assert dropped(lambda: robot_plant(robot=wrist))
     assert dropped(lambda: robot_plant(robot=wrist).ToAutoDiffXd())

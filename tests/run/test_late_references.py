@@ -24,7 +24,7 @@ def there_and_back(period=0.005):
 
 @pytest.mark.parametrize("period", [None, 0.001, 0.005])
 @pytest.mark.parametrize("label", ["p_pi", "p_pi+id", "inverse_dynamics"])
-def test_a_late_reference_needs_the_torques_of_one_in_time(designed, label, period):
+def test_late_reference_has_torques_of_one_in_time(designed, label, period):
     def run(delay):
         fields = kind(label) | {"drive": Drive(period=period, reference_delay=delay)}
         design = designed("coupled_pi", fields, motion=there_and_back())
@@ -40,7 +40,7 @@ def test_a_late_reference_needs_the_torques_of_one_in_time(designed, label, peri
         assert not saturated.any()
 
 
-def test_drives_take_a_reference_at_their_next_sample(designed):
+def test_drive_takes_reference_at_its_next_sample(designed):
     def run(delay):
         fields = kind("p_pi+id") | {"drive": Drive(period=0.001, reference_delay=delay)}
         return simulate(designed("coupled_pi", fields, motion=there_and_back()))
@@ -53,7 +53,7 @@ def test_drives_take_a_reference_at_their_next_sample(designed):
 
 @pytest.mark.parametrize("delay", [0.0, 0.0004, 0.0017, 0.005, 0.0123])
 @pytest.mark.parametrize(("period", "samples"), [(0.005, 5), (0.005, 16), (1 / 300, 3), (0.007, 7)])
-def test_all_instants_agree_to_the_last_bit(designed, period, samples, delay):
+def test_update_instants_agree_to_the_last_bit(designed, period, samples, delay):
     """An update one bit later would see what one at the same instant does not."""
     drive = Drive(period=period / samples, reference_delay=delay, encoder_resolution=[1e6] * 4)
     fields = kind("p_pi+id") | {"period": period, "drive": drive}

@@ -39,7 +39,7 @@ def axes(designed):
 
 
 @pytest.mark.parametrize("case", AXES)
-def test_axis_loop_against_plain_numpy(axes, case):
+def test_axis_loop_equals_plain_numpy(axes, case):
     design, speeds = axes[case]
     recording = simulate(design)
     saturated = np.mean(recording.tau_limited != recording.tau_cmd, axis=0)
@@ -55,7 +55,7 @@ def test_axis_loop_against_plain_numpy(axes, case):
 
 
 @pytest.mark.parametrize(("limit", "widen"), [(1.0, False), (0.4, True)])
-def test_coupled_loop_against_the_equations_of_motion(designed, limit, widen):
+def test_coupled_loop_equals_equations_of_motion(designed, limit, widen):
     disturbed = {"disturbance.amplitude": 0.05}
     design = weaker(designed("coupled_pi_ctc", disturbed, end=1.5), limit)
     states = robot_by_hand(design, widened=widen)
@@ -77,7 +77,7 @@ PARTS = [
 
 
 @pytest.mark.parametrize(("name", "label", "start", "end"), PARTS)
-def test_speeds_and_positions_are_as_good_as_it_says(robot, name, label, start, end):
+def test_run_is_as_accurate_as_told(robot, name, label, start, end):
     # One count of an encoder more or less moves speeds by 2e-4 rad/s at any accuracy.
     smooth = load_scenario(name, {"drive.encoder_resolution": None})
     scenario = with_controller(smooth, label)

@@ -58,12 +58,12 @@ def agree(design, tolerance=5e-4):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_torque_within_the_periods(design_of, case):
+def test_torque_within_periods_equals_walk_in_small_steps(design_of, case):
     assert np.any(agree(design_of(*CASES[case])).saturated[:, 1] > 0)
 
 
 @pytest.mark.parametrize("bandwidth", [100.0, 600.0])
-def test_torque_behind_a_lag_is_as_accurate_as_recordings_say(designed, bandwidth):
+def test_lagged_torque_is_as_accurate_as_told(designed, bandwidth):
     """At the default accuracy, against 1e-8."""
     fields = {"drive": Drive(torque_bandwidth=bandwidth)}
     designs = [
@@ -87,9 +87,7 @@ STOPS = {"late"}  # in every run
 
 
 @pytest.mark.parametrize("case", STRAIGHT)
-def test_a_run_without_stops_at_updates_tells_what_one_with_stops_does(
-    design_of, monkeypatch, case
-):
+def test_run_without_feedthrough_stops_has_the_same_torques(design_of, monkeypatch, case):
     options = {f"controller.{k}": x for k, x in OPTIONS.get(case, {}).items()}
     design = weaker(design_of(*STRAIGHT[case], **options), 0.5)
     assert (make_loop(design).feedthrough is None) == (case in STOPS)
@@ -118,7 +116,7 @@ class Given(LeafSystem, Controller):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_mean_rms_and_saturation_of_torques_known_by_hand(design_of, monkeypatch, sign):
+def test_mean_rms_and_saturation_of_known_torques_equal_by_hand(design_of, monkeypatch, sign):
     """At the limit, just beyond it, on a parabola, and through the limit within a period."""
     register_controller("given", Given)
     x = np.array([[1, 1 + 1e-15, 0, 0.9], [0, 0, 0.8, 0.4], [0, 0, -0.8, 0]])  # of t / period
@@ -132,7 +130,7 @@ def test_mean_rms_and_saturation_of_torques_known_by_hand(design_of, monkeypatch
     np.testing.assert_allclose(rms, [1, 1, 0.8 / 30**0.5], rtol=1e-9)
 
 
-def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design_of):
+def test_axis_limits_are_widened_by_alleviating_torque(design_of):
     help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
     axis = design_of("pi", "axis", Drive())
     axis = overruled(axis, loads=axis.loads._replace(alleviating_torque=help_))
@@ -143,7 +141,7 @@ def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(desi
 
 
 @pytest.mark.parametrize("period", [None, 0.001])
-def test_wider_limits_of_an_axis_arrive_with_the_reference(design_of, period):
+def test_widened_axis_limits_arrive_with_the_reference(design_of, period):
     # In the middle of a period; the help of the others changes from sample to sample.
     design = weaker(design_of("pi_ctc", "axis", Drive(period=period, reference_delay=0.007)), 0.1)
     assert agree(design, 0.02).saturated.any() and design.loads.alleviating_torque.any()

@@ -47,7 +47,7 @@ def fed(design, motion=None):
 
 
 @pytest.mark.parametrize(("label", "fields"), [("pi", {}), ("p_pi+id", DEVICE)])
-def test_the_planned_motion_from_outside_gives_the_same_run(designed, label, fields):
+def test_planned_motion_from_outside_gives_the_same_run(designed, label, fields):
     design = designed("coupled_pi", kind(label) | ONLINE | fields, start=2.0, end=2.3)
     planned, external = simulate(design), simulate(*fed(design))
     for name in ("q", "v", "q_ref", "v_ref", "load_torque"):
@@ -57,7 +57,7 @@ def test_the_planned_motion_from_outside_gives_the_same_run(designed, label, fie
         np.testing.assert_allclose(own, wanted, atol=1e-8, err_msg=name)
 
 
-def test_a_reference_from_outside_may_exceed_the_limits_and_is_not_delayed(designed):
+def test_reference_from_outside_is_neither_limited_nor_delayed(designed):
     """The yaw joint has 6.28 rad/s, and a motor for a part of these speeds."""
     t = np.linspace(0, 1, 101)
     motion = Motion.from_speeds(0.005, LOADED, np.outer(np.sin(np.pi * t) ** 2, [0, 0, 0, 12.0]))
@@ -78,7 +78,7 @@ def test_a_reference_from_outside_may_exceed_the_limits_and_is_not_delayed(desig
     ("label", "speed", "encoder"),
     [("p_pi+id", 0.0, "motor"), ("pi_ctc", 0.7, "motor"), ("p_pi+id", 0.7, "link")],
 )
-def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, speed, encoder):
+def test_run_starts_from_given_angles_and_speeds(designed, label, speed, encoder):
     """Around the vertical axis of the first joint nothing changes with its angle."""
     springs = Elasticity([40.0] * 4, damping_ratio=0.02, encoder=encoder)
     fields = DEVICE | {"plant.elasticity": springs, "drive": Drive(torque_bandwidth=400.0)}
@@ -91,7 +91,7 @@ def test_a_run_starts_at_rest_from_given_angles_and_speeds(designed, label, spee
     assert np.abs(run.tau[0, 1]) > 30  # joint 2 carries a load
 
 
-def test_errors_are_against_what_came_from_outside(designed):
+def test_errors_are_against_the_reference_from_outside(designed):
     """A motion of half the speed, which the design does not know."""
     design = designed("coupled_pi", kind("p_pi+id") | ONLINE, start=2.0, end=2.3)
     motion = design.reference.planned
@@ -103,7 +103,7 @@ def test_errors_are_against_what_came_from_outside(designed):
     assert np.abs(run.position_error[-1]).max() < 0.1 * np.abs(run.q - motion.q)[-1].max()
 
 
-def test_a_controller_outside_is_the_one_inside(designed):
+def test_outside_controller_equals_the_one_inside(designed):
     design = designed("coupled_pi", kind("pi") | DEVICE | {"drive": Drive()}, end=0.3)
     builder, loop = DiagramBuilder(), make_loop(design, controller="external")
     controller = builder.AddSystem(make_controller(design)[1])
@@ -126,9 +126,7 @@ TABLES = [
 
 
 @pytest.mark.parametrize("fields, message", TABLES, ids=[case[-1] for case in TABLES])
-def test_what_is_known_along_a_planned_motion_alone_has_no_open_reference(
-    designed, fields, message
-):
+def test_option_that_needs_a_planned_motion_refuses_open_reference(designed, fields, message):
     with pytest.raises(InputError, match=f"^reference: 'external', but {message}"):
         make_loop(designed("coupled_pi", fields, end=0.1), reference="external")
 
@@ -155,7 +153,7 @@ def around_nothing():
 
 
 @pytest.mark.parametrize("call, message", CALLS, ids=[case[-1] for case in CALLS])
-def test_a_wrong_call_is_one_line(designed, call, message):
+def test_wrong_call_of_make_loop_is_one_line(designed, call, message):
     with pytest.raises(InputError, match=f"^{message}") as error:
         call(designed("coupled_pi", ONLINE, end=0.1))
     assert "\n" not in str(error.value)

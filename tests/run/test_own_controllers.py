@@ -45,7 +45,7 @@ def desk(tmp_path, monkeypatch):
     return folder
 
 
-def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
+def test_comparisons_and_studies_carry_the_controller_file(desk, capsys):
     """Into processes that have not seen it, and into the folder, where rows are repeated."""
     labels = ["--controllers", "pi,proportional"]
     assert main(["compare", str(desk / "run.yaml"), *labels, "--trust"]) == 0
@@ -58,12 +58,12 @@ def test_comparisons_and_studies_take_the_file_with_them(desk, capsys):
     assert "proportional" in capsys.readouterr().out
 
 
-def test_linear_analysis_needs_a_linear_feedback(desk, capsys):
+def test_linear_analysis_refuses_nonlinear_controllers(desk, capsys):
     assert main(["bode", str(desk / "run.yaml"), "--trust"]) == 2
     assert "controller.kind proportional: has no linear feedback" in capsys.readouterr().err
 
 
-def test_the_same_text_is_run_once(desk, tmp_path):
+def test_controller_file_is_run_once(desk, tmp_path):
     @trusting(True)
     def load_trusted(file):
         load_controllers(file)
@@ -100,7 +100,7 @@ def test_the_same_text_is_run_once(desk, tmp_path):
         ),
     ],
 )
-def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
+def test_faulty_controller_is_one_line(desk, capsys, old, new, message):
     text = "import sys\nimport numpy as np\n" + OWN.read_text()
     assert old in text
     (desk / "own.py").write_text(text.replace(old, new))
@@ -132,7 +132,7 @@ RESTS = "    def rest(self, context, tau, start=None):\n        self.rested = [t
     ],
     ids=["state", "rest"],
 )
-def test_a_controller_with_names_of_0_4_works_and_warns(desk, new, old, warning):
+def test_controller_with_names_of_0_4_works_and_warns(desk, new, old, warning):
     def run(text):
         (desk / "own.py").write_text(text)
         design = sdt.design(sdt.load(desk / "run.yaml", trust=True))

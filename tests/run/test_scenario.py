@@ -52,7 +52,7 @@ def test_shipped_scenarios_have_the_published_numbers(designed):
     np.testing.assert_allclose(design.tuning.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
 
 
-def test_feedforward_weight_and_label():
+def test_scenario_gives_feedforward_weight_and_label():
     for kind, feedforward, *expected in (
         ("pi_id", None, "id", 1, "pi_id"),
         ("p_pi", "none", "none", 1, "p_pi"),
@@ -71,7 +71,7 @@ controller: {omega_r: 60}
 """
 
 
-def test_paths_start_from_the_folder_of_the_scenario_and_survive_saving(tmp_path, monkeypatch):
+def test_scenario_paths_are_relative_to_its_file_and_survive_saving(tmp_path, monkeypatch):
     folder = tmp_path / "project" / "runs"
     (folder / "robots").mkdir(parents=True)
     (folder / "robots" / "own.sdf").write_bytes(find_file("package://sdt/sdt.sdf").read_bytes())

@@ -36,7 +36,7 @@ def recording(design):
     return simulate(design)
 
 
-def test_recording_has_every_sample_and_the_torques_before_its_update(design, recording):
+def test_recording_has_every_sample_and_torques_before_updates(design, recording):
     """Row i has the load and the limits of sample i - 1, and the speed at its own time."""
     motion, (load, help_) = design.reference.tracked, design.loads
     np.testing.assert_array_equal(recording.time, np.arange(401) * 0.005)
@@ -53,7 +53,7 @@ def test_recording_has_every_sample_and_the_torques_before_its_update(design, re
     assert np.any(recording.tau != recording.tau_cmd)
 
 
-def test_a_recording_survives_its_csv_and_a_second_run_in_its_diagram(design, recording, tmp_path):
+def test_recording_comes_back_from_csv_and_a_second_run(design, recording, tmp_path):
     recording.save(path := tmp_path / "run.csv")
     header = path.read_text().partition("\n")[0]
     assert header == ",".join(["time", *(f"{name}_{k}" for name in COLUMNS for k in (1, 2, 3, 4))])
@@ -64,14 +64,14 @@ def test_a_recording_survives_its_csv_and_a_second_run_in_its_diagram(design, re
             assert getattr(other, name).tobytes() == getattr(recording, name).tobytes(), name
 
 
-def test_files_of_a_recording_by_their_old_names_warn(recording, tmp_path):
+def test_old_columns_of_a_recording_work_and_warn(recording, tmp_path):
     with pytest.warns(DeprecationWarning, match=r"Recording\.to_csv is Recording\.save now"):
         recording.to_csv(path := tmp_path / "run.csv")
     with pytest.warns(DeprecationWarning, match=r"Recording\.from_csv is Recording\.load now"):
         np.testing.assert_array_equal(Recording.from_csv(path).q, recording.q)
 
 
-def test_a_loop_behind_its_design_or_scenario_is_simulated_and_warns(designed):
+def test_simulate_with_old_arguments_works_and_warns(designed):
     """As up to 0.4, where a scenario was refused."""
     loop = make_loop(designed("axis_pi", end=0.1))
     for of in (loop.design, loop.design.scenario):
@@ -83,7 +83,7 @@ def test_a_loop_behind_its_design_or_scenario_is_simulated_and_warns(designed):
         np.testing.assert_array_equal(run.v, simulate(loop).v)
 
 
-def test_how_far_a_joint_is_beyond_its_stop(design, recording):
+def test_excess_beyond_joint_stops_equals_formula(design, recording):
     """Stops do not act; the axis plant has none."""
     stops = {"position_lower": np.full(4, -1.0), "position_upper": np.full(4, 2.0)}
     design = replace(design, nominal=replace(design.device.simulated, **stops))
@@ -111,7 +111,7 @@ def design_of(kind, robot, motion):
     st.sampled_from(["pi_id", "pi_ctc", "p_pi", "pi_scheduled"]),
     st.sampled_from([1 / 300, 0.005, 0.007]),
 )
-def test_samples_torque_and_saturation_of_any_robot_agree(data, robot, kind, period):
+def test_recording_columns_of_any_robot_agree(data, robot, kind, period):
     motion = data.draw(motions(robot.n, period=period, samples=40))
     need = (
         np.abs(design_of("pi_id", robot, motion).tuning.feedforward.along).max(axis=0)

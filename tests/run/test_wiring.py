@@ -76,13 +76,13 @@ KINDS = [(kind, plant) for kind in SHIPPED for plant in CONTROLLERS[kind].plants
 
 
 @pytest.mark.parametrize(("kind", "plant"), KINDS)
-def test_every_loop_has_the_same_eight_systems_without_a_wire_left_over(designed, kind, plant):
+def test_every_loop_has_eight_systems_and_no_open_wire(designed, kind, plant):
     for drive, springs in itertools.product(DRIVES, (Elasticity(), Elasticity([40.0] * 4))):
         fields = {"controller.kind": kind, "drive": drive, "plant.elasticity": springs}
         is_wired(designed(PLANTS[plant], fields, end=0.1))
 
 
-def test_a_loop_has_the_parts_that_its_scenario_asks_for(designed, data_regression):
+def test_loop_has_the_parts_of_its_scenario(designed, data_regression):
     """Drake's own blocks, but for the torques on line, which are called once per sample."""
     found = {}
     for number, (name, fields) in enumerate(WIRINGS):
@@ -121,7 +121,7 @@ def test_loops_without_python_convert_to_autodiff(designed, name, fields):
     ],
     ids=str,
 )
-def test_table_and_online_torques_are_the_same(designed, name, fields):
+def test_tabled_and_online_torques_are_the_same(designed, name, fields):
     table, online = (
         simulate(designed(name, fields | how, start=2.0, end=2.5)) for how in ({}, ONLINE)
     )
@@ -130,7 +130,7 @@ def test_table_and_online_torques_are_the_same(designed, name, fields):
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-8, err_msg=signal)
 
 
-def test_a_run_that_is_drawn_in_meshcat_is_the_same(designed, meshcat):
+def test_run_drawn_in_meshcat_is_the_same(designed, meshcat):
     design = designed("coupled_pi", start=2.0, end=2.2)
     drawn, plain = simulate(make_loop(design, meshcat=meshcat)), simulate(design)
     np.testing.assert_array_equal(drawn.v, plain.v)
