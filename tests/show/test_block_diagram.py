@@ -84,7 +84,7 @@ def signs_of(picture):
 # --- what is in a picture --------------------------------------------------------------------
 
 
-def test_each_block_and_each_connection_is_there_once():
+def test_each_block_and_connection_is_drawn_once():
     picture = walk(make_loop())
 
     paths = [block.path for block in picture.frame.blocks()]
@@ -116,7 +116,7 @@ def test_each_block_and_each_connection_is_there_once():
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_blocks_of_drake(system, shape, text):
+def test_blocks_of_drake_have_their_symbols(system, shape, text):
     block = blocks_of(walk(make_chain(system)))["s0"]
 
     assert (block.shape, block.text) == (shape, text)
@@ -125,7 +125,7 @@ def test_blocks_of_drake(system, shape, text):
 # --- signs -----------------------------------------------------------------------------------
 
 
-def test_minus_stands_at_the_sums():
+def test_minus_of_gains_is_drawn_at_the_sums():
     picture = walk(make_loop())
 
     assert signs_of(picture) == {
@@ -146,7 +146,7 @@ def test_minus_stands_at_the_sums():
     ],
     ids=["two make a plus", "stays before other blocks", "of both signs"],
 )
-def test_minus_of_gains(systems, texts, signs):
+def test_minus_moves_through_gains_to_the_sum_but_not_through_integrators(systems, texts, signs):
     picture = walk(make_chain(*systems))
 
     assert [blocks_of(picture)[f"s{number}"].text for number in range(len(systems))] == texts
@@ -163,7 +163,7 @@ def page(_reference_design):
     return picture, routed(picture)
 
 
-def test_lines_lead_from_block_to_block_without_running_on_others(page):
+def test_wires_lead_from_block_to_block_without_overlap(page):
     check_lines(*page)
 
 
@@ -194,7 +194,7 @@ def on_border(rect, point):
     return inside(rect, point) and on_edge
 
 
-def test_a_block_that_hands_on_what_is_fed_back_stands_below():
+def test_feedback_blocks_stand_below():
     diagram = wired(
         ("error", Adder(2, 1), "reference measured e"),
         ("gain", Gain(2.0, 1), "e u"),
@@ -220,7 +220,7 @@ def make_framed():
     )
 
 
-def test_a_frame_with_an_output_of_the_diagram_ends_the_main_line():
+def test_frame_with_a_diagram_output_ends_the_main_line():
     rects = Layout(walk(make_framed(), {})).rects
 
     line = [rects[path] for path in [("error",), ("gain",), ("device", "process")]]
@@ -228,7 +228,7 @@ def test_a_frame_with_an_output_of_the_diagram_ends_the_main_line():
     assert all(one.right < other.left for one, other in itertools.pairwise(line))
 
 
-def test_a_loop_begins_where_its_farthest_signal_returns():
+def test_loop_begins_where_its_farthest_signal_returns():
     """The reference reaches both first blocks of the loop, and the second one first."""
     diagram = wired(
         ("reference", Integrator(1), "rate r"),
@@ -243,7 +243,7 @@ def test_a_loop_begins_where_its_farthest_signal_returns():
     assert rects["sum",].right < rects["process",].left
 
 
-def test_a_diagram_with_an_empty_symbol_has_no_frame():
+def test_diagram_with_empty_symbol_has_no_frame():
     framed, bare = (walk(make_framed(), symbols) for symbols in ({}, {"device": ""}))
 
     assert [frame.path for frame in framed.frame.frames()] == [(), ("device",)]
@@ -254,7 +254,7 @@ def test_a_diagram_with_an_empty_symbol_has_no_frame():
 
 
 @pytest.mark.parametrize(("n", "terms"), [(5, 5), (8, 3)])
-def test_any_tangle_is_drawn(n, terms):
+def test_random_diagrams_are_drawn(n, terms):
     choose = random.Random(0)
     sums, integrals = [], [(f"state{i}", Integrator(1), f"rate{i} x{i}") for i in range(n)]
     for j in range(n):

@@ -39,7 +39,7 @@ def make_small():
 
 
 @pytest.mark.parametrize("name", DIAGRAMS)
-def test_words_cover_neither_wires_nor_boxes_and_lie_within_their_own(diagrams, name):
+def test_diagram_words_overlap_neither_wires_nor_boxes(diagrams, name):
     """As matplotlib's font has them; the layout only knows about how wide they are."""
     page = page_of(diagrams[name])
     boxes = [
@@ -72,14 +72,14 @@ def words_on(page):
                 yield Bbox(place.get_points() * 72 / figure.dpi - paint._BORDER)
 
 
-def test_lines_of_a_text_stand_below_each_other():
+def test_diagram_text_lines_stand_below_each_other():
     with matplotlib.rc_context(paint._STYLE):
         texts = paint.figure(page_of(make_small(), max_depth=0)).findobj(Text)
         height = {text.get_text(): text.get_window_extent().y0 for text in texts}
     assert height["pi speed"] > height["controller"]
 
 
-def test_a_loop_is_drawn_as_committed(diagrams, file_regression):
+def test_loop_is_drawn_as_committed(diagrams, file_regression):
     """Boxes, wires with their heads, dots of branches, and words, in points of the page."""
     with matplotlib.rc_context(paint._STYLE):
         figure = paint.figure(page_of(diagrams["figure6"]))
@@ -97,7 +97,7 @@ def overlap(one, other):
     return (apart < 0).all()
 
 
-def test_a_sign_does_not_lie_on_its_wire():
+def test_diagram_signs_do_not_lie_on_wires():
     """A wire that turns right before the sum."""
     design = make_design(load_scenario("wrong_model"))
     page = page_of(make_loop(design).diagram)
@@ -111,12 +111,12 @@ def test_a_sign_does_not_lie_on_its_wire():
 
 
 @pytest.mark.parametrize("resolution", [None, [50.0]])
-def test_an_encoder_has_its_period_in_milliseconds(resolution):
+def test_encoder_block_has_its_period_in_ms(resolution):
     block = encoder(n=1, period=0.005, resolution=resolution, gear_ratio=[2.0])
     assert SYMBOLS["encoder.drives"](block) == "encoder\n5 ms"
 
 
-def test_an_ideal_encoder_is_a_line():
+def test_ideal_encoder_is_not_drawn_as_a_block():
     """The cascade samples at the reference alone."""
     loop = make_loop(make_design(load_scenario("coupled_pi", {"controller.kind": "p_pi"})))
     texts = [item.text for item in page_of(loop.diagram).items]
@@ -126,7 +126,7 @@ def test_an_ideal_encoder_is_a_line():
 # --- files -----------------------------------------------------------------------------------
 
 
-def test_an_svg_has_its_texts_and_says_where_it_is_from(tmp_path):
+def test_svg_has_texts_and_origin(tmp_path):
     diagram = make_small()
     svg = write_diagram(diagram, tmp_path / "loop.svg", format_="svg").read_text(encoding="utf-8")
 

@@ -62,7 +62,7 @@ BLOCKS = [
 REPORT = Report("Title", ["lead"], [doc.Section("Main", BLOCKS)])
 
 
-def test_markdown_of_the_blocks():
+def test_blocks_become_markdown():
     assert REPORT.markdown().removesuffix("\n").split("\n\n") == [
         "# Title",
         "lead",
@@ -85,7 +85,7 @@ def test_markdown_of_the_blocks():
     ]
 
 
-def test_page_of_the_blocks(folder):
+def test_blocks_become_a_page(folder):
     page = REPORT.page(folder)
     for part in (
         "<title>Title</title>",
@@ -148,7 +148,7 @@ def placed(text, folder):
 @example("<script>alert(1)</script>|[x](javascript:alert(1))`![x](http://y.z/p.png)\n{{ 7 }}")
 @example("x\n```\n# [y]: z\n1. - | `a` \\| __b__ &amp; </details>")
 @settings(deadline=None, database=None, max_examples=150)
-def test_what_is_not_ours_is_shown_as_it_is(folder, text):
+def test_foreign_text_is_escaped_in_documents(folder, text):
     """No tag, link, picture or block more than a word in its place makes, and no letter less."""
     shown = "".join(text.replace("\0", "\ufffd").split())
     if not shown:
@@ -160,7 +160,7 @@ def test_what_is_not_ours_is_shown_as_it_is(folder, text):
     assert said == words.replace("Qyx", shown)
 
 
-def test_html_of_data_is_off_on_pages_even_if_markdown_has_it(folder):
+def test_html_in_data_is_off_on_pages(folder):
     """The second barrier: a report that marked a text as ours by mistake."""
     text = '<b onload="x">a</b> <script>y</script>\n\n<iframe src="z">\n\n<div style="x">'
     page = Report("t", [], [doc.Section("s", [doc.Marked(text)])]).page(folder)
@@ -169,7 +169,7 @@ def test_html_of_data_is_off_on_pages_even_if_markdown_has_it(folder):
     assert page.count("</script>") == 1
 
 
-def test_data_of_plots_end_no_script(folder):
+def test_plot_data_cannot_end_a_script(folder):
     plots = Plots([[Panel("</script><b>", "x", "y", np.zeros(1), [])]])
     page = Report("t", [], [doc.Section("s", [doc.Picture("p.png", "c", plots)])]).page(folder)
     assert page.count("</script>") == 2 and "<b>" not in page and "uPlot" in page
@@ -194,7 +194,7 @@ def page(reproduced, tmp_path_factory):
     return write_report(folder)
 
 
-def test_nothing_is_loaded_from_elsewhere(page):
+def test_page_loads_nothing_from_elsewhere(page):
     text = page.read_text(encoding="utf-8")
     tags = Tags(text).tags
     for tag, attributes in tags:
@@ -207,7 +207,7 @@ def test_nothing_is_loaded_from_elsewhere(page):
     assert len(links) > 8 and set(links) <= set(ids)
 
 
-def test_filter_theme_and_recording_work_without_complaint(open_page, page):
+def test_page_filter_theme_and_recording_work_without_errors(open_page, page):
     with open_page(page) as (tab, errors, requests):
         shown = tab.locator("article:visible")
         everything = shown.count()
@@ -233,7 +233,7 @@ def test_filter_theme_and_recording_work_without_complaint(open_page, page):
         assert errors == [] and requests == []
 
 
-def test_light_and_dark_on_any_width_and_on_paper(open_page, page):
+def test_page_has_contrast_in_both_themes_any_width_and_print(open_page, page):
     with open_page(page, width=1280) as (tab, errors, _):
         light = tab.evaluate(GROUND)
         for dark in (False, True):
@@ -262,7 +262,7 @@ def test_light_and_dark_on_any_width_and_on_paper(open_page, page):
         assert errors == []
 
 
-def test_without_scripts_all_is_there_but_buttons_and_dark_is_dark(open_page, page):
+def test_page_without_scripts_lacks_only_buttons(open_page, page):
     with open_page(page, javascript=False, dark=True) as (tab, errors, _):
         assert tab.locator("article:visible").count() > 20
         assert tab.locator("button:visible").count() == 0

@@ -124,14 +124,14 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_figure(name, inputs, no_3d, file_regression):
+def test_figure_shows_as_committed(name, inputs, no_3d, file_regression):
     file_regression.check(
         described(FIGURES[name](inputs)), basename=name, encoding="utf-8", check_fn=check_same_text
     )
 
 
 @pytest.mark.parametrize("order", (1, -1))
-def test_a_response_that_does_not_settle_is_shown_whole_in_any_order(inputs, order):
+def test_unsettled_response_is_shown_whole_in_any_order(inputs, order):
     short, long = inputs.steps.values()
     never = replace(long, metrics=replace(long.metrics, settling_time=np.nan, rise_time=np.nan))
     steps = dict(list({"pi": short, "p_in_feedback": never}.items())[::order])
@@ -209,14 +209,14 @@ def normalised(text, folder):
 
 
 @pytest.mark.parametrize("name", REPORTS)
-def test_report(name, inputs, no_3d, undrawn, tmp_path, file_regression):
+def test_report_says_as_committed(name, inputs, no_3d, undrawn, tmp_path, file_regression):
     text = normalised(REPORTS[name](inputs, tmp_path), tmp_path)
     file_regression.check(
         text, basename=name, extension=".md", encoding="utf-8", check_fn=check_same_text
     )
 
 
-def test_report_of_the_paper(reproduced, file_regression):
+def test_report_of_the_paper_says_as_committed(reproduced, file_regression):
     text = normalised((reproduced / "report.md").read_text(encoding="utf-8"), reproduced)
     file_regression.check(
         text,

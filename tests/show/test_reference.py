@@ -30,7 +30,7 @@ Yaml12.add_multi_constructor(
 
 
 @pytest.mark.parametrize("schema", [*FILES.values(), Recording])
-def test_every_field_has_a_meaning_and_every_number_a_unit(schema):
+def test_reference_has_meaning_of_every_field_and_unit_of_every_number(schema):
     rows = [entry for part in parts(schema) for entry in part.entries]
     assert [row.name for row in rows if len(row.meaning) < 4] == []
     assert [row.name for row in rows if "number" in row.takes and not row.unit] == []
@@ -40,7 +40,7 @@ def test_every_field_has_a_meaning_and_every_number_a_unit(schema):
     assert [row.name for row in of_a_side if not row.unit.endswith("side")] == []
 
 
-def test_committed_reference_is_what_the_command_writes():
+def test_committed_reference_equals_the_command():
     page = (MODELS / "README.md").read_text(encoding="utf-8")
     assert with_reference(page, "models/README.md") == page
     for topic in FILES:
@@ -53,7 +53,7 @@ def test_committed_reference_is_what_the_command_writes():
     assert set(re.findall(r'"(!\w+) mapping"', page)) == tags and len(tags) == 13
 
 
-def test_command(tmp_path, capsys):
+def test_reference_command_prints_and_writes_all_topics(tmp_path, capsys):
     for topic in TOPICS:
         assert main(["reference", topic]) == 0
     out = capsys.readouterr().out

@@ -41,7 +41,7 @@ def poses(robot, q, links):
     return [robot.plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4() for body in bodies]
 
 
-def test_the_page_turns_the_joints_as_drake_does(own, open_page, tmp_path):
+def test_robot_page_turns_joints_as_drake(own, open_page, tmp_path):
     robot_html(own, tmp_path / "own.html")
     q = np.random.default_rng(3).uniform(own.position_lower, own.position_upper).round(3)
     with open_page(tmp_path / "own.html", width=300, height=200) as (page, errors, requests):
@@ -69,7 +69,7 @@ def test_the_page_turns_the_joints_as_drake_does(own, open_page, tmp_path):
     assert "link 'link_4': mesh none.obj is missing" in text
 
 
-def test_numbers_of_the_rate_table(tmp_path):
+def test_robot_page_tells_numbers_of_the_rate_table(tmp_path):
     (tmp_path / "own.urdf").write_text(RATE_TABLE, encoding="utf-8")
     robot = load_robot(tmp_path / "own.urdf")
     links = moving_links(robot)
@@ -81,7 +81,7 @@ def test_numbers_of_the_rate_table(tmp_path):
     assert link_table(links).rows[0] == ("outer", "180", "0, 0, 0", axes)
 
 
-def test_sliders_of_meshcat_move_the_robot_and_what_is_drawn_beside_it(own, monkeypatch):
+def test_meshcat_sliders_move_robot_and_axes(own, monkeypatch):
     made, told = [], []
 
     class Seen(RobotScene):
@@ -148,7 +148,7 @@ RAN = """() => {
 }"""  # what ran at once, and pictures that would run it
 
 
-def test_names_are_no_scripts_in_pages(evil, open_page, tmp_path):
+def test_names_are_escaped_in_robot_pages(evil, open_page, tmp_path):
     time = np.arange(31) / 30
     robot_html(evil, tmp_path / "robot.html")
     record_html(evil, time, np.outer(time, np.ones(evil.n)), tmp_path / "motion.html")
@@ -158,7 +158,7 @@ def test_names_are_no_scripts_in_pages(evil, open_page, tmp_path):
             assert page.evaluate(RAN) == [0, 0] and errors == [] and requests == []
 
 
-def test_names_are_no_scripts_beside_sliders(evil, browser, monkeypatch):
+def test_names_are_escaped_beside_sliders(evil, browser, monkeypatch):
     told, ran = [], []
 
     def sleep(_):
@@ -175,5 +175,5 @@ def test_names_are_no_scripts_beside_sliders(evil, browser, monkeypatch):
 
 
 @pytest.mark.parametrize("name", [*NAMES, "a&lt;b", '"', "`${x}`", "\\u0027", "\u2028"])
-def test_names_of_sliders_have_no_character_of_scripts(name):
+def test_slider_names_have_no_script_characters(name):
     assert re.fullmatch(r"[\w .:+-]+", robot_page.slider_name(f"1 {name}"))

@@ -15,7 +15,7 @@ from sdt_drake.show.style import Look
 WAIT = 60_000  # ms at most, on a busy machine
 
 
-def test_a_page_gets_every_sample_or_every_peak():
+def test_plots_get_every_sample_or_every_peak():
     n = 30 * MAX_SAMPLES
     time, noise = np.arange(n) / 200, np.random.default_rng(1).normal(size=(2, n))
     peaks = np.arange(123, n, n // 40)
@@ -54,7 +54,7 @@ def fits(page):
     page.wait_for_function(f"[...document.querySelectorAll('.uplot')].every({fits})")
 
 
-def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given):
+def test_page_plots_zoom_and_read_off(open_page, good, desk, given):
     meant = "{quantity: yaw rate, sign: -1, start: 0, end: 0.01}"
     given("short.yaml", f"{SHORT}feels: a turn to the right\nillusion: {meant}\n")
     said = good("simulate", RUN, "--out", "report.html").out
@@ -110,7 +110,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
         assert (errors, requests) == ([], [])
 
 
-def test_grey_ground_is_drawn_where_it_is_marked(open_page, tmp_path):
+def test_grey_ground_covers_the_marked_times(open_page, tmp_path):
     time = np.linspace(0, 1, 101)
     panel = Panel("", "x", "y", time, [Line("a", Look("k"), 0 * time)], time < 0.4, "grey")
     path = tmp_path / "a.html"

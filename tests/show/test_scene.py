@@ -8,7 +8,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from sdt_drake.show.view3d.scene import METRES_PER_G, Scene, arrow_pose, felt_rotation, make_frames
 
 
-def test_head_and_its_specific_force_are_drakes(robot):
+def test_drawn_head_and_specific_force_equal_drakes(robot):
     q, _, _ = smooth(robot)
     frames = make_frames(robot, TIME, q)
     shown = frames.head
@@ -29,7 +29,7 @@ def test_head_and_its_specific_force_are_drakes(robot):
         np.testing.assert_allclose(shown.force_in_world[k], a - gravity, atol=0.01)
 
 
-def test_felt_head_turns_no_more_than_down_needs(robot):
+def test_felt_rotation_is_the_least_to_felt_down(robot):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     rotation, gravity = frames.head.rotation, frames.felt.gravity
     felt = felt_rotation(rotation, gravity)
@@ -49,7 +49,7 @@ def test_felt_head_turns_no_more_than_down_needs(robot):
 
 
 @pytest.mark.parametrize("force", [(0, 0, 9.81), (3, -4, 2), (0, 0, -19.62), (-9.81, 0, 0)])
-def test_arrow_points_along_the_force(force):
+def test_force_arrow_has_direction_and_length_of_the_force(force):
     pose, length = arrow_pose(np.array([1.0, 2.0, 3.0]), np.array(force, dtype=float))
     tip = pose.multiply([0.0, 0.0, length])
     assert pose.translation().tolist() == [1.0, 2.0, 3.0]
@@ -60,7 +60,7 @@ def test_arrow_points_along_the_force(force):
 # --- the device as it is drawn ------------------------------------------------------------------
 
 
-def test_the_floor_is_below_all_links(robot, meshcat):
+def test_floor_is_below_all_links(robot, meshcat):
     """A packed transform has the columns of its matrix."""
     frames = make_frames(robot, TIME, smooth(robot)[0])
     Scene(robot, frames, meshcat)

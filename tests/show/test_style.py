@@ -37,7 +37,7 @@ def lab(colour, seen_by):
 
 
 @pytest.mark.parametrize("eye", NO_CONES)
-def test_colours_of_lines_in_one_panel_differ_for_every_eye(eye):
+def test_colours_of_one_panel_differ_for_colour_blind_eyes(eye):
     """A difference of 2.3 is just noticeable side by side; lines need many times that."""
     in_time_plots = [LOOKS[label].colour for label in ("reference", "pi", "pi_ctc", "pi_id")]
     for first, second in [*combinations(PALETTE[:5], 2), *combinations(in_time_plots, 2)]:
@@ -45,7 +45,7 @@ def test_colours_of_lines_in_one_panel_differ_for_every_eye(eye):
         assert np.linalg.norm(seen[0] - seen[1]) > 15, (first, second)
 
 
-def test_letters_that_no_font_has_are_no_warning(tmp_path, recwarn):
+def test_missing_glyphs_give_no_warning(tmp_path, recwarn):
     with style():
         figure, axes = grid(1, 1, panel=(4, 2))
         axes[0, 0].plot([0.0, 1.0, 2.0], [3.0, 4.0, 5.0], label="$x^{$")
@@ -64,7 +64,7 @@ DRIVE = {
 }
 
 
-def test_a_single_period_in_saturation_is_seen(designed):
+def test_single_saturated_period_is_seen(designed):
     design = designed("axis_pi", DRIVE, start=8.9, end=9.5, rest=20)
     recording = simulate(design)
     once = np.zeros_like(recording.saturated)

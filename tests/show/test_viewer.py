@@ -98,7 +98,7 @@ def colours(page):
     )
 
 
-def test_page_plays_alone(page, robot, page_file):
+def test_recording_page_plays_without_server(page, robot, page_file):
     text = page_file.read_text(encoding="utf-8")
     assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
@@ -119,7 +119,7 @@ def test_page_plays_alone(page, robot, page_file):
     assert len(set(before)) > 50 and colours(page) != before
 
 
-def test_pilots_view_rides_along(page, robot, meshcat):
+def test_pilots_view_follows_the_head(page, robot, meshcat):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head
     camera = ["Cameras", "default", "rotated", "<object>"]
@@ -139,7 +139,7 @@ def test_pilots_view_rides_along(page, robot, meshcat):
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="needs /proc")
-def test_a_page_leaves_no_server(robot, tmp_path):
+def test_recording_leaves_no_server(robot, tmp_path):
     def threads():
         return len(os.listdir("/proc/self/task"))
 
