@@ -48,7 +48,7 @@ def pool(tmp_path, temporary, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_rows_that_end_their_process_or_hang(pool):
+def test_rows_that_abort_or_hang_are_reported_and_others_go_on(pool):
     """No row that ends its process has a time-out that a busy machine could reach."""
     two = pool({0: "abort", 1: "kill once"}, count=2)
     rows = [future.result() for future in [two.submit(number, {}) for number in range(3)]]
@@ -61,7 +61,7 @@ def test_rows_that_end_their_process_or_hang(pool):
     assert "abort: matrix is singular" in rows[0].reason or "Aborted" in rows[0].reason
 
 
-def test_each_row_reports_a_process_that_does_not_start(pool):
+def test_row_reports_a_process_that_does_not_start(pool):
     one = pool(start="raise")
     for future in [one.submit(number, {}) for number in range(2)]:
         with pytest.raises(InputError, match=r"did not start \(RuntimeError: no start\)"):
@@ -69,7 +69,7 @@ def test_each_row_reports_a_process_that_does_not_start(pool):
 
 
 @pytest.mark.parametrize("act", ["hang", ""])
-def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary, act):
+def test_worker_ends_with_its_parent(tmp_path, temporary, act):
     """In the middle of a row or without one, and leaves no files."""
     os.mkfifo(tmp_path / "hangs")  # which the row opens before it hangs
     main = subprocess.Popen(
@@ -89,9 +89,7 @@ def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary, act):
 # --- on a cluster ----------------------------------------------------------------------------
 
 
-def test_a_study_survives_a_worker_and_reports_other_versions_and_a_lost_scheduler(
-    desk, undisturbed
-):
+def test_cluster_survives_lost_worker_and_reports_versions_and_scheduler(desk, undisturbed):
     distributed = pytest.importorskip("distributed")
     from sdt_drake.studies.cluster import Cluster, run_row
 

@@ -37,7 +37,7 @@ def of(field: str, distribution) -> Variable:
     return Variable(field, [field], distribution=distribution)
 
 
-def test_outcomes_are_those_of_a_run(base, robot):
+def test_outcomes_of_a_row_equal_those_of_its_run(base, robot):
     runner = Runner(Study(variables=[of("disturbance.amplitude", List([0.1, 0.2]))]), base)
     row = runner.run(1)
     design = make_design(base.changed({"accuracy": 1e-3, "disturbance.amplitude": 0.2}))
@@ -58,7 +58,7 @@ def test_outcomes_are_those_of_a_run(base, robot):
     np.testing.assert_allclose(worst, again[: robot.n], rtol=1e-12, atol=1e-15)
 
 
-def test_a_row_does_not_depend_on_those_before_it(files):
+def test_row_does_not_depend_on_rows_before(files):
     """Whatever robots and plans of other devices and motions the runner keeps."""
     drive = Drive(n1=[200.0, 0.01, 0.01, 0.01], n0=[300.0, 9.0, 9.0, 9.0])
     base = load_scenario(files / "coupled.yaml", {"drive": drive})
@@ -83,7 +83,7 @@ def test_a_row_does_not_depend_on_those_before_it(files):
         ("motion", Choice(["fast.yaml", "short.yaml"]), "infeasible", "fast.yaml: motion ref"),
     ],
 )
-def test_bad_values_fail_alone(base, files, field, values, status, reason):
+def test_bad_row_fails_alone(base, files, field, values, status, reason):
     names = {name: str(files / name) for name in ("fast.yaml", "short.yaml")}
     runner = Runner(Study(variables=[of(field, values)]), base, names)
     bad, good = runner.run(0), runner.run(1)
@@ -92,7 +92,7 @@ def test_bad_values_fail_alone(base, files, field, values, status, reason):
     assert reason in bad.reason and str(files) not in bad.reason and "\n" not in bad.reason
 
 
-def test_what_goes_wrong_in_a_row_becomes_its_reason(base, monkeypatch):
+def test_exception_in_a_row_becomes_its_reason(base, monkeypatch):
     def explode(*_, **options):
         raise ZeroDivisionError(f"division\nby zero in {models_dir()}/sdt.sdf")
 
@@ -114,7 +114,7 @@ FITTED = ["AC-203", "TM-3950", "TM-2150", "TM-2150"]
 
 
 @pytest.mark.parametrize("T", [0.5, 50.0])
-def test_on_and_off_by_hand(T):
+def test_winding_temperature_of_on_and_off_equals_formula(T):
     """u (1 - exp(-t_c / T)) / (1 - exp(-(t_c + t_p) / T)), at the end of the load."""
     on, off = 6.0, 14.0
     by_hand = 1.5**2 * (1 - np.exp(-on / T)) / (1 - np.exp(-(on + off) / T))
@@ -131,7 +131,7 @@ def designed(desk, knots: str):
     return make_design(load_scenario("coupled.yaml", changes))
 
 
-def test_loads_of_a_run(desk):
+def test_motor_loads_of_a_run_equal_formulas(desk):
     design = designed(desk, "[0.25, 1], [0.5, 1]")
     run, duration = simulate(design), design.reference.tracked.duration
     loads, rested = (
@@ -157,7 +157,7 @@ MOTOR = """\
 mass: 560, thermal_time_constant: 900, source: made up"""
 
 
-def test_chosen_motors_limit_planner_and_loop_as_the_same_numbers_of_the_drive_do(desk):
+def test_chosen_motors_act_as_the_same_numbers_in_the_drive(desk):
     scenario, rpm = designed(desk, "[0.25, 1], [0.5, 0]").scenario, np.pi / 30
     friction = {"plant.friction.coulomb": [0, 600.0, 0, 0]}  # the planner ignores it
     scenario = scenario.changed(friction)
@@ -182,7 +182,7 @@ def test_chosen_motors_limit_planner_and_loop_as_the_same_numbers_of_the_drive_d
     assert not simulate(free).saturated[:, 1].any()
 
 
-def test_what_has_motor_loads():
+def test_motor_loads_need_a_coupled_plant_and_catalogue_motors():
     """A robot whose masses contain no motors, too, if each joint has one of the catalogue."""
 
     def has(kind: str, *device) -> bool:
@@ -197,7 +197,7 @@ def test_what_has_motor_loads():
 # --- jobs ------------------------------------------------------------------------------------
 
 
-def test_a_job_has_its_files_with_it(desk, tmp_path, monkeypatch):
+def test_job_carries_its_files(desk, tmp_path, monkeypatch):
     """A robot, its uncertainty and a motion of its own, varied over two motions."""
     deviation = "kind: axis, deviation: {spread: spread.csv, along: [1]}"
     columns = [f"x_{k + 1}" for k in range(50)]  # ten for each link
@@ -230,7 +230,7 @@ def test_a_job_has_its_files_with_it(desk, tmp_path, monkeypatch):
         ("short.yaml", "0.5]]", "0.4]]"),
     ],
 )
-def test_contents_have_every_number_of_a_study_wherever_it_lies(desk, file, old, new):
+def test_study_contents_are_independent_of_its_folder(desk, file, old, new):
     first = make_job(*load_study("few.yaml")).about.contents
     moved = desk.rename(desk.parent / "moved")
     assert make_job(*load_study(moved / "few.yaml")).about.contents == first

@@ -30,7 +30,7 @@ TEXT = find_file(SHIPPED).read_text(encoding="utf-8")
 # --- files -----------------------------------------------------------------------------------
 
 
-def test_the_shipped_sizing_is_a_study_of_all_combinations():
+def test_shipped_sizing_covers_all_combinations():
     sizing, base = load_sizing(SHIPPED)
     study = sizing.study()
     seen = [study.inputs(i) for i in range(len(study))]
@@ -69,7 +69,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("old, new, message", BAD, ids=[message[:50] for *_, message in BAD])
-def test_a_bad_field_is_refused_with_the_file(load, tmp_path, old, new, message):
+def test_bad_field_of_a_sizing_is_refused_with_the_file(load, tmp_path, old, new, message):
     scenario = yaml.safe_load(find_file(COUPLED).read_text(encoding="utf-8"))
     scenario["plant"]["elasticity"] = {"natural_frequency": [60.0] * 4}
     (tmp_path / "elastic.yaml").write_text(yaml.safe_dump(scenario))
@@ -77,7 +77,7 @@ def test_a_bad_field_is_refused_with_the_file(load, tmp_path, old, new, message)
         load(old, new)
 
 
-def test_limits_by_outcome():
+def test_sizing_limits_by_outcome():
     limits = Requirements([0.1, 0.2], [90.0]).limits(2)
     assert [limits[f"max_abs_speed_error_{k}"] for k in (1, 2)] == [0.1, 0.2]
     assert limits["max_abs_position_error_2"] == pytest.approx(np.pi / 2)
@@ -157,7 +157,7 @@ def weak(inputs):
 
 
 @pytest.mark.parametrize("outcome", [story, beside, failing, weak])
-def test_the_answer_comes_first_and_the_lines_agree_with_the_table(outcome, file_regression):
+def test_sizing_answer_agrees_with_its_table(outcome, file_regression):
     table = sized(outcome)
     if outcome is failing:
         table = dataclasses.replace(table, runs=table.runs.replace("infeasible", "failed"))
@@ -168,7 +168,7 @@ def test_the_answer_comes_first_and_the_lines_agree_with_the_table(outcome, file
     file_regression.check("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def test_the_worst_motion_counts():
+def test_sizing_takes_the_worst_motion():
     first, second, *_ = judged(story)  # with pi, AC-150, TM-2860 at 0.8 and 1
     assert first.worst["max_abs_speed_error_2"] == (0.3, "reference")
     assert (first.error, first.mass) == (0.3, 70 + 110)  # kg, of the catalogue
@@ -189,12 +189,12 @@ def test_the_worst_motion_counts():
         ({"max_abs_position_error_2": 0.1}, ["largest position error of joint 2 is 5.73 deg"]),
     ],
 )
-def test_what_is_missed_is_in_the_units_of_people(outcomes, missed):
+def test_missed_limits_have_readable_units(outcomes, missed):
     verdict = judged(lambda _: GOOD | outcomes)[0]
     assert [text.partition(" in ")[0] for text in verdict.missed] == missed
 
 
-def test_where_no_set_is_enough_the_page_says_what_stands_in_the_way(tmp_path, undrawn):
+def test_page_without_sufficient_motors_names_the_missed_limits(tmp_path, undrawn):
     bad = GOOD | {"used_torque_share_2": 1.5}
     write_sizing_report(SMALL, judged(lambda x: bad), tmp_path, "")
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
@@ -214,7 +214,7 @@ requirements: {max_abs_speed_error: [0.05, 0.01, 0.05, 0.05], used_torque_share:
 """
 
 
-def test_from_a_file_to_a_recommendation(desk, capfd, undrawn):
+def test_size_command_writes_a_recommendation(desk, capfd, undrawn):
     (desk / "own.yaml").write_text(OWN)
     assert main(["size", "own.yaml"]) == 0
     said = (desk / "own" / "sizing.txt").read_text()

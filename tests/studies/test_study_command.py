@@ -45,7 +45,7 @@ def change(folder, statement, *values):
         ),
     ],
 )
-def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
+def test_bad_arguments_of_study_are_one_line(refuse, desk, undisturbed, arguments, message):
     few = (desk / "few.yaml").read_text()
     choice = "[motion]\n  distribution: !Choice {values: [short.yaml, two.csv]}"
     for name, text in {
@@ -58,7 +58,7 @@ def test_bad_arguments(refuse, desk, undisturbed, arguments, message):
     assert message in refuse("study", *arguments.split())
 
 
-def test_a_study_with_other_files_or_versions_is_another_study(refuse, desk, copied):
+def test_resume_with_other_files_or_versions_is_refused(refuse, desk, copied):
     motion = (desk / "short.yaml").read_text()
     (desk / "short.yaml").write_text(motion.replace("0.5], [0.5", "0.4], [0.5"))
     said = refuse("study", "run", "many.yaml", "--out", copied, "--resume")
@@ -79,16 +79,14 @@ def test_a_study_with_other_files_or_versions_is_another_study(refuse, desk, cop
         ("scenario.yaml", "0.98", "0.97", "scenario.yaml (controller.zeta[2]) changed since the"),
     ],
 )
-def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
-    refuse, copied, file, old, new, message
-):
+def test_study_files_changed_after_its_runs_are_refused(refuse, copied, file, old, new, message):
     content = (copied / file).read_bytes()
     (copied / file).write_bytes(content.replace(old.encode(), new.encode("latin-1")))
     assert message in refuse("study", "show", copied)
     assert message in refuse("study", "repeat", copied, "--row", "1")
 
 
-def test_a_study_with_more_time_for_its_runs_is_the_same(copied, desk, capfd, undrawn):
+def test_resume_with_longer_timeout_is_accepted(copied, desk, capfd, undrawn):
     """And to resume a study puts back its files."""
     text = (copied / "study.yaml").read_text()
     (copied / "study.yaml").write_text(text.replace("timeout: 300.0", "timeout: 30.0"))
@@ -99,7 +97,7 @@ def test_a_study_with_more_time_for_its_runs_is_the_same(copied, desk, capfd, un
 
 
 @pytest.mark.parametrize("version", ["0.3", "0.4"])
-def test_a_finished_study_is_shown_and_repeated_without_its_database(
+def test_finished_study_is_shown_and_repeated_without_database(
     version, copied, undisturbed, capfd, undrawn
 ):
     """Version 0.3 wrote versions and files beside the export of the rows, and no contents."""
@@ -117,7 +115,7 @@ def test_a_finished_study_is_shown_and_repeated_without_its_database(
 # --- results ---------------------------------------------------------------------------------
 
 
-def test_without_pyarrow_the_rows_are_the_same_in_a_csv_file(copied, monkeypatch):
+def test_rows_in_csv_without_pyarrow_are_the_same(copied, monkeypatch):
     with Store(copied) as store, monkeypatch.context() as without:
         without.setitem(sys.modules, "pyarrow", None)
         path, runs = write_results(store, copied), store.runs()
@@ -129,7 +127,7 @@ def test_without_pyarrow_the_rows_are_the_same_in_a_csv_file(copied, monkeypatch
     np.testing.assert_equal(numbers, runs.reset_index().to_dict("records"))
 
 
-def test_repeat_from_a_folder_that_was_moved(copied, desk, capfd, monkeypatch):
+def test_repeat_works_in_a_moved_folder(copied, desk, capfd, monkeypatch):
     (desk / "short.yaml").unlink()
     command = ["study", "repeat", f"{copied}", "--row", "5", "--out", "row.csv"]
     assert main(command) == 0

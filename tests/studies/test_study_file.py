@@ -31,7 +31,7 @@ def variable(distribution, field="disturbance.amplitude", **options) -> Variable
 
 
 @given(st.floats(-100, 100), st.floats(0.01, 100), st.floats(-3, 2.9), st.floats(0.1, 6))
-def test_a_quantile_is_where_its_share_of_the_distribution_is(mean, std, first, width):
+def test_quantile_inverts_the_distribution(mean, std, first, width):
     """Against distribution functions of the standard library."""
     low, high = mean + first * std, mean + (first + width) * std
     normal, shares = NormalDist(mean, std), np.linspace(0, 1, 21)
@@ -61,7 +61,7 @@ BAD_VARIABLES = [
 
 
 @pytest.mark.parametrize(("distribution", "numbers", "field", "message"), BAD_VARIABLES)
-def test_bad_variables(base, distribution, numbers, field, message):
+def test_bad_variables_are_refused(base, distribution, numbers, field, message):
     with pytest.raises(InputError, match=message):
         Study(variables=[variable(distribution(*numbers), field)]).validate(base)
 
@@ -86,13 +86,13 @@ BAD_ONES = [
 
 
 @pytest.mark.parametrize(("variables", "options", "message"), BAD_STUDIES)
-def test_bad_studies(base, variables, options, message):
+def test_bad_study_fields_are_refused(base, variables, options, message):
     with pytest.raises(InputError, match=message):
         Study(variables=variables, **options).validate(base)
 
 
 @pytest.mark.parametrize(("fields", "message"), BAD_ONES)
-def test_bad_fields_of_a_variable(fields, message):
+def test_bad_fields_of_a_variable_are_refused(fields, message):
     with pytest.raises(InputError, match=f"^variable.*: {message}"):
         Variable(**fields)
 
@@ -122,14 +122,14 @@ def test_draws_do_not_depend_on_other_variables(sampling):
     assert abs(np.corrcoef(drawn(other, own, **options), alone)[0, 1]) < 0.25
 
 
-def test_draws_stay_the_same_for_ever():
+def test_draws_equal_committed_numbers():
     """What a study gave last year it gives today: these are numbers of PCG64."""
     study = Study(draws=2, seed=7, variables=[variable(Uniform(0, 1), name="x")])
     expected = np.random.default_rng([7, 0x8CDC1683]).random(2)  # CRC-32 of "x"
     assert [study.inputs(row)["x"] for row in range(2)] == expected.tolist()
 
 
-def test_every_combination_for_every_draw():
+def test_every_draw_has_every_combination():
     levels = [variable(Choice(["a", "b"]), "algorithm"), variable(List([1.0, 2.0, 3.0]), "period")]
     study = Study(draws=3, variables=[levels[0], variable(Uniform(0, 1)), levels[1]])
     rows = [study.inputs(row) for row in range(len(study))]
@@ -143,7 +143,7 @@ def test_every_combination_for_every_draw():
 # --- into the scenario -----------------------------------------------------------------------
 
 
-def test_scenario_of_a_row(base):
+def test_row_gives_the_scenario_of_its_inputs(base):
     study = Study(
         variables=[
             Variable("z", ["controller.zeta", "controller.omega_ratio"], "value", Uniform(1, 2)),
@@ -174,7 +174,7 @@ def scenario() -> Scenario:
     return load_scenario("coupled_pi", changes)
 
 
-def test_a_change_is_refused_where_the_study_would_overwrite_it():
+def test_change_that_the_study_overwrites_is_refused():
     for kept in ({"controller.omega_ratio": 0.4}, {"plant.friction.coulomb[2]": 3}):  # it scales
         assert load_study("monte_carlo", kept)[1] == load_scenario("uncertain", kept)
     for lost in ("controller.kind", "plant.deviation.payload_mass", "accuracy"):

@@ -45,7 +45,7 @@ def written(tmp_path):
     return tmp_path
 
 
-def test_rows_come_back_exactly_and_in_order(written):
+def test_stored_rows_come_back_exactly_and_in_order(written):
     with Store(written) as store:
         found = store.runs()
         assert store.done() == {0, 2, 3} and store.about == ABOUT
@@ -57,7 +57,7 @@ def test_rows_come_back_exactly_and_in_order(written):
     np.testing.assert_array_equal([*found["x"], *found["y"]], outcomes)
 
 
-def test_full_disk(written):
+def test_full_disk_ends_a_study_that_can_be_resumed(written):
     with Store(written) as store:
         ((pages,),) = store._database.execute("PRAGMA page_count")
         store._database.execute(f"PRAGMA max_page_count = {pages}")
@@ -145,7 +145,7 @@ def begun(job: Job, folder: Path, done: Iterable[int]) -> Path:
     st.sets(st.integers(0, 5)),
     st.lists(st.tuples(st.sampled_from(MOMENTS), st.integers(1, 4)), max_size=3),
 )
-def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(files, done, ends):
+def test_study_resumed_from_any_kill_has_the_same_rows(files, done, ends):
     """No row that was finished is lost or done again, also if Ctrl-C comes twice."""
     job = make_job(*load_study(files / "few.yaml"))
     with TemporaryDirectory() as temporary:
@@ -163,7 +163,7 @@ def test_a_study_that_was_ended_anywhere_and_resumed_has_the_same_rows(files, do
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs /proc")
-def test_ctrl_c_keeps_what_is_done_ends_all_processes_and_resume_does_the_rest(desk, undisturbed):
+def test_ctrl_c_keeps_rows_ends_processes_and_can_be_resumed(desk, undisturbed):
     """As in a terminal, which sends Ctrl-C to the command and its processes at once."""
     command = [sys.executable, "-m", "sdt_drake", "study", "many.yaml", "--workers", "2"]
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}

@@ -21,7 +21,7 @@ from sdt_drake.studies.summary import (
 from sdt_drake.studies.table import pareto
 
 
-def test_a_family_stands_for_the_worst_joint_that_has_a_number():
+def test_outcome_family_takes_the_worst_joint_with_a_number():
     columns = np.array([[1.0, np.nan, np.nan], [np.nan, 2.0, np.nan], [0.5, 3.0, np.nan]])
     names = [f"rms_speed_error_{k}" for k in (1, 2, 4)]
     table = table_of({}, dict(zip(names, columns, strict=True)))
@@ -30,7 +30,7 @@ def test_a_family_stands_for_the_worst_joint_that_has_a_number():
     assert table.outcome(names[1]).equals(table.runs[names[1]])
 
 
-def test_every_family_has_title_and_unit():
+def test_every_outcome_family_has_title_and_unit():
     for name, quantity in METRICS.items():
         assert family_of(f"{name}_2") == (name, 2) and family_of(name) == (name, None)
         assert metric_of(f"{name}_12") is quantity
@@ -46,11 +46,11 @@ def test_every_family_has_title_and_unit():
         ([0, np.nan, 2, np.inf], [np.nan, 0, 5, 1], [0, 0, 1, 1]),
     ],
 )
-def test_a_front_by_hand(cost, error, expected):
+def test_pareto_front_equals_one_by_hand(cost, error, expected):
     assert pareto(cost, error).tolist() == list(map(bool, expected))
 
 
-def test_a_design_counts_with_its_worst_run_and_not_at_all_if_one_fails():
+def test_design_counts_with_its_worst_run_and_not_if_one_fails():
     table = table_of(
         {"motor": ["a", "b"] * 4, "load": [1.0] * 4 + [2.0] * 4, "controller": list("ppqq") * 2},
         {
@@ -69,7 +69,7 @@ def test_a_design_counts_with_its_worst_run_and_not_at_all_if_one_fails():
 # --- counts and percentiles ------------------------------------------------------------------
 
 
-def test_percentiles_and_worst_runs_are_of_the_runs_that_are_ok():
+def test_percentiles_and_worst_runs_ignore_failed_runs():
     y = np.array([*range(101), 1e9, np.nan])
     table = small_table(y, status=["ok"] * 101 + ["failed", "ok"])
     np.testing.assert_allclose(percentiles(table, "y"), [5, 25, 50, 75, 95, 99, 100])
@@ -85,13 +85,13 @@ def generator():
     return np.random.default_rng(3)
 
 
-def test_the_ishigami_function(generator):
+def test_explained_shares_of_ishigami_equal_closed_form(generator):
     x = generator.uniform(-np.pi, np.pi, (20_000, 3))
     found = [explained_share(x[:, k], ishigami(x)).value for k in range(3)]
     assert found == pytest.approx(FIRST_ORDER, abs=0.015)
 
 
-def test_a_tornado_by_hand():
+def test_tornado_equals_one_by_hand():
     """Means of the fifths 0, 1, 2 and 8, 9, 10 of eleven numbers, and of the levels of a text."""
     x, text = np.arange(13.0), np.array(list("abababababacc"))
     y = 2 * x + 3 * (text == "b")
@@ -102,7 +102,7 @@ def test_a_tornado_by_hand():
     assert found.loc["text"].tolist() == [10, 13, "a", "b", 3]
 
 
-def test_shares_of_a_grid_by_hand():
+def test_explained_shares_of_a_grid_equal_variances():
     """Of y = 3 a + b in every combination, Var(3 a) = 9/4 and Var(b) = 2/3 are the whole."""
     a, b = np.repeat([0.0, 1.0], 3), np.tile(["k", "l", "m"], 2)
     y = 3 * a + [0, 1, 2, 0, 1, 2]
@@ -113,7 +113,7 @@ def test_shares_of_a_grid_by_hand():
 
 
 @pytest.mark.parametrize("other", [0.0, 0.7])
-def test_runs_of_a_draw_count_once_and_differ_by_other_inputs_alone(generator, other):
+def test_paired_runs_count_once_in_explained_shares(generator, other):
     """Another input adds its variance to the total, and explains nothing of the drawn one."""
     x = generator.uniform(0, 1, 200)
     y, twice = x + generator.normal(size=200), np.repeat(np.arange(200), 2)
@@ -125,7 +125,7 @@ def test_runs_of_a_draw_count_once_and_differ_by_other_inputs_alone(generator, o
 # --- report and figures ----------------------------------------------------------------------
 
 
-def test_a_chapter_has_what_matters_most(copied, undrawn):
+def test_study_chapter_has_one_table_and_existing_figures(copied, undrawn):
     made = Report("many", [], [report.study_chapter(copied)])
     made.write_parts(copied.parent)
     text = made.markdown().removeprefix("# many\n\n")
