@@ -47,13 +47,13 @@ def is_drawn(name, system, optional=()):
     assert isinstance(system, LeafSystem) or system.get_name() == name
 
 
-def test_every_block_has_a_law_here_or_in_test_sources_or_test_robot_drawing():
+def test_every_block_has_a_law_in_these_tests():
     others = {"reference_source", "signal_table", "robot_drawing"}
     assert {case.block for case in CASES} | others == set(BLOCKS)
 
 
 @pytest.mark.parametrize("name", BLOCKS)
-def test_a_block_has_keyword_arguments_and_the_ports_of_its_picture(name, robot, meshcat):
+def test_block_has_keyword_arguments_and_documented_ports(name, robot, meshcat):
     signature = inspect.signature(block(name))
     assert all(p.kind is p.KEYWORD_ONLY for p in signature.parameters.values())
     if name != "symbolic_law":
@@ -80,7 +80,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("name", "argument", "bad"), BAD)
-def test_a_bad_argument_is_one_line_with_its_name(name, argument, bad, robot):
+def test_bad_block_argument_is_one_line_with_its_name(name, argument, bad, robot):
     with pytest.raises(InputError, match=f"^{argument}: [^\n]*$"):
         made(name, robot, **MORE.get(name, {}) | {argument: bad})
 
@@ -96,7 +96,7 @@ def of_case(title):
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
 @given(rng=GENERATORS)
-def test_law(case, rng):
+def test_block_follows_its_law_by_hand(case, rng):
     block, x = of_case(case.title), []
     context = block.context
     context.SetTime(TIME)
@@ -156,7 +156,7 @@ STARTS = [
 
 
 @pytest.mark.parametrize(("name", "changes", "start", "inputs", "output", "expected"), STARTS)
-def test_a_block_starts_as_it_is_told(robot, name, changes, start, inputs, output, expected):
+def test_block_starts_in_the_given_state(robot, name, changes, start, inputs, output, expected):
     block = Alone(name, robot, **changes)
     start(block.system, block.context)
     block.give(**inputs)

@@ -34,7 +34,7 @@ def accelerated(process, q, v, tau, load):
 
 @settings(max_examples=20)
 @given(moving(1, joints=st.integers(2, 6), coupled=True), GENERATORS)
-def test_the_plant_accelerates_by_the_inverse_dynamics(case, rng):
+def test_plant_acceleration_inverts_inverse_dynamics(case, rng):
     """They are Pinocchio's, with C' I_m C. The linear model has the same mass matrix."""
     robot, (q,), (v,), _ = case
     tau, load = rng.normal(size=(2, robot.n)) * robot.motor_torque_limit / 10
@@ -52,7 +52,7 @@ def test_the_plant_accelerates_by_the_inverse_dynamics(case, rng):
     np.testing.assert_allclose(robot.mass_matrix(at) @ B, wanted, atol=1e-7 * wanted.max())
 
 
-def test_energy_of_links_and_rotors_is_kept():
+def test_coupled_rotors_keep_energy():
     wrist = loaded(WRIST)
     process = robot_plant(robot=wrist)
     simulator = make_simulator(process, period=0.001, accuracy=1e-8)
@@ -76,7 +76,7 @@ def test_energy_of_links_and_rotors_is_kept():
 
 @settings(max_examples=10)
 @given(moving(2, joints=st.integers(2, 4), coupled=True))
-def test_computed_torque_decouples_the_plant(case):
+def test_computed_torque_decouples_coupled_rotors(case):
     robot, q, v, vd = case
     omega_n, zeta = np.arange(2.0, 2 + robot.n), np.linspace(0.5, 1, robot.n)
     law = inverse_dynamics_controller(model=robot, omega_n=omega_n, zeta=zeta)
@@ -90,7 +90,7 @@ def test_computed_torque_decouples_the_plant(case):
     np.testing.assert_allclose(found, asked, rtol=1e-6, atol=1e-6 * np.abs(asked).max())
 
 
-def test_rotors_behind_springs_turn_together():
+def test_coupled_rotors_behind_springs_turn_together():
     """C' I_m C wd = r tau - k (theta - q), with both joints elastic."""
     wrist, springs = loaded(WRIST), Springs(np.ones(2, bool), np.array([2e3, 9e2]), np.zeros(2))
     joints = elastic_joints(
@@ -108,7 +108,7 @@ def test_rotors_behind_springs_turn_together():
     np.testing.assert_allclose((C.T * ROTORS @ C) @ wd, [10, 40] * tau - wound, atol=1e-9)
 
 
-def test_a_motor_between_a_spring_and_a_rigid_joint_is_refused():
+def test_coupled_motor_between_elastic_and_rigid_joint_is_refused():
     plant = PlantChoice("coupled", elasticity=Elasticity(natural_frequency=[60.0, 0.0]))
     scenario = Scenario(plant=plant, controller=Pi(omega_r=60.0))
     wrist, still = loaded(WRIST), Motion(0.005, *np.zeros((3, 3, 2)))

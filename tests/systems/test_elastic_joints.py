@@ -18,7 +18,7 @@ from sdt_drake.systems.wiring import set_state, systems_in
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
 
 
-def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
+def test_undamped_elastic_plant_keeps_energy(robot):
     elastic, stiffness = np.array([True, True, False, True]), np.array([4e6, 2e5, 0.0, 1e5])
     springs, builder = Springs(elastic, stiffness, np.zeros(4)), DiagramBuilder()
     process = builder.AddSystem(robot_plant(robot=robot, without_rotor=elastic))
@@ -56,7 +56,7 @@ def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
     assert np.ptp(np.sum(seen, axis=1)) < 1e-4 * swings.min()
 
 
-def test_links_on_their_springs_swing_at_the_given_frequency(designed):
+def test_links_on_springs_swing_at_the_given_frequency(designed):
     """Motors held, each link alone, where its inertia is largest: the force by its angle."""
     omega, zeta, h = 70.0, 0.03, 1e-4
     design = designed("coupled_pi", {"plant.elasticity": Elasticity([omega] * 4, zeta)})
@@ -110,7 +110,7 @@ def steady(designed):
 
 @pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi+ctc", "pi_scheduled"])
 @pytest.mark.parametrize("fields", [HEAVIER, AXIS, ANTI_WINDUP, DRIVEN, LATE])
-def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, label, fields):
+def test_steady_state_start_holds_rest_and_speed(steady, label, fields):
     """Around the vertical axis of joint 1 nothing changes with its angle."""
     recording = steady(label, fields)
     assert np.abs(recording.position_error).max() < 1e-6
@@ -120,7 +120,7 @@ def test_a_loaded_robot_stands_still_and_a_joint_that_turns_goes_on(steady, labe
 
 
 @pytest.mark.parametrize("label", ["pi", "p_pi", "inverse_dynamics"])
-def test_a_joint_that_turns_goes_on_before_encoders_that_count(steady, label):
+def test_steady_state_start_holds_speed_with_counting_encoders(steady, label):
     """Speeds are differences of positions, the first one, too."""
     drive = {"drive": Drive(period=0.001, encoder_resolution=[2**22] * 4)}
     recording = steady(label, drive, speed=1.5)
@@ -130,7 +130,7 @@ def test_a_joint_that_turns_goes_on_before_encoders_that_count(steady, label):
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])
 @pytest.mark.parametrize("label", ["pi", "p_pi"])
-def test_springs_are_wound_and_encoders_on_the_reference(steady, label, encoder):
+def test_steady_state_start_winds_springs_under_load(steady, label, encoder):
     springs = Elasticity([40.0] * 4, damping_ratio=0.02, encoder=encoder)
     error = steady(label, {"plant.elasticity": springs}).position_error
     np.testing.assert_allclose(error, error[:1] + np.zeros_like(error), atol=1e-6)

@@ -50,7 +50,7 @@ def vectors(size):
 
 
 @given(stretch=vectors(500.0), v=vectors(20.0))
-def test_no_motion_gives_more_friction_than_breakaway_or_any_energy(stretch, v):
+def test_friction_is_bounded_by_breakaway_and_dissipates(stretch, v):
     """The bristles store W = int F_c clip(z / z_c) dz; power beyond dW/dt is heat."""
     force, rate = force_and_rate(stretch, v)
     largest = FRICTION.breakaway + FRICTION.viscous * np.abs(v)
@@ -60,7 +60,7 @@ def test_no_motion_gives_more_friction_than_breakaway_or_any_energy(stretch, v):
 
 
 @given(v=vectors(20.0))
-def test_steady_sliding_is_the_law_of_feedforward_demand_and_start(v):
+def test_steady_sliding_friction_is_one_law_everywhere(v):
     force, rate = force_and_rate(sliding_stretch(FRICTION, v), v)
     np.testing.assert_allclose(force + FRICTION.offset, sliding_friction(FRICTION, v), rtol=1e-9)
     assert np.all(np.abs(rate) <= 1e-9 * np.abs(v) / FRICTION.presliding)
@@ -74,7 +74,7 @@ def slope(block, stretch, v):
 
 
 @given(stretch=vectors(500.0), v=vectors(20.0))
-def test_no_slope_is_steeper_than_the_poles_that_a_design_checks(stretch, v):
+def test_friction_slope_is_bounded_by_the_checked_poles(stretch, v):
     """A sticking joint has T F_c / z_c, a creeping one up to 2 (F_b - F_c) / v_s, and all b."""
     sticking = PRESLIDING_DAMPING_TIME * FRICTION.coulomb / FRICTION.presliding
     peak = (FRICTION.breakaway - FRICTION.coulomb) / FRICTION.stribeck_speed
@@ -84,7 +84,7 @@ def test_no_slope_is_steeper_than_the_poles_that_a_design_checks(stretch, v):
     assert at_rest == pytest.approx(sticking + np.exp(0.5) * peak + FRICTION.viscous, rel=1e-4)
 
 
-def test_linear_loops_have_the_slope_of_joints_that_slide_fast(designed):
+def test_linear_loop_has_viscous_slope_of_fast_sliding(designed):
     """`bode`, `linear`, `stability` and the check of `learn` are made from one process."""
     design = designed("real_device")
     block = joint_friction(friction=design.friction, gear_ratio=design.device.simulated.gear_ratio)
@@ -97,7 +97,7 @@ def test_linear_loops_have_the_slope_of_joints_that_slide_fast(designed):
 
 
 @pytest.mark.parametrize("load", [0.0, 0.7, -0.9])
-def test_a_joint_slides_to_rest_as_by_hand_and_stays(load):
+def test_sliding_joint_stops_where_by_hand_and_sticks(load):
     """Deceleration (F_c + load) / J: J v² / 2 / (F_c + load) and J v / (F_c + load), then rest."""
     coulomb, inertia, v_0 = 80.0, 5.0, 0.8
     only_coulomb = friction_parameters(Friction(coulomb=[coulomb]), 1)

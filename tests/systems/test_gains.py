@@ -17,7 +17,7 @@ KP_PRINTED = ("2.671e+02", "6.34e+03", "5.2e+04", "1.57e+04")
 KI_PRINTED = ("4.64e+03", "1.07e+05", "8.67e+05", "2.72e+05")
 
 
-def test_gains_and_damping_of_table_1():
+def test_gains_and_damping_equal_table_1():
     gains = tune(I_EFF_MAX, OMEGA_R, ZETA)
     for values, texts in ((gains.kp, KP_PRINTED), (gains.ki, KI_PRINTED)):
         for value, text in zip(values, texts, strict=True):

@@ -19,7 +19,7 @@ def parts(text: str):
     return robot, found, {name: poses[p.link] @ p.pose for name, p in found.items()}
 
 
-def test_a_robot_without_shapes_is_drawn_as_its_skeleton(meshcat):
+def test_robot_without_shapes_is_drawn_as_skeleton(meshcat):
     drawing = robot_drawing(robot=loaded(ARM), meshcat=meshcat)
     inspector = drawing.GetSubsystemByName("scene_graph").model_inspector()
     middles = {
@@ -32,7 +32,7 @@ def test_a_robot_without_shapes_is_drawn_as_its_skeleton(meshcat):
     np.testing.assert_allclose(rods, [[0.4, 0, 0], [0.15, 0, 0]], atol=1e-12)
 
 
-def test_axes_that_meet_are_rings_within_each_other():
+def test_meeting_axes_are_drawn_as_nested_rings():
     """As large as the radii of gyration: sqrt(34 / 180), sqrt(9 / 85) and sqrt(3 / 60) m."""
     robot, found, at = parts(RATE_TABLE)
     radii = np.sqrt([34 / 180, 9 / 85, 3 / 60])

@@ -24,7 +24,7 @@ def near(actual, expected):
     np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-9)
 
 
-def test_a_reference_is_exact_at_its_samples_and_linear_between():
+def test_reference_is_exact_at_samples_and_linear_between():
     block = Alone("reference_source")
     for i, share in [*((i, 0) for i in range(3000)), (0, 0.5), (7, 0.25), (2999, 0.9)]:
         block.context.SetTime((i + share) * PERIOD)
@@ -37,7 +37,7 @@ def test_a_reference_is_exact_at_its_samples_and_linear_between():
 @pytest.mark.parametrize(
     ("delay", "offset"), [(0.0, 0.0), (0.035, 0.0), (0.0015, 0.0015), (0.0499, 0.0049)]
 )
-def test_samples_are_in_force_from_their_arrival_on(delay, offset):
+def test_delayed_samples_hold_from_their_arrival(delay, offset):
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("source", made("reference_source", delay=delay))
     hold = builder.AddNamedSystem("hold", hold_of(MOTION, 3 * N, delay=delay))
@@ -67,7 +67,7 @@ def test_samples_are_in_force_from_their_arrival_on(delay, offset):
 # --- meter -----------------------------------------------------------------------------------
 
 
-def test_the_meter_reads_the_mean_of_a_sine_and_leaves_the_integrator_its_steps():
+def test_meter_reads_mean_of_sine_without_integrator_steps():
     """0 over whole periods, 2 A / pi over half of one."""
     parts = {
         "tau_cmd": ConstantVectorSource(3 * LIMIT),
@@ -108,7 +108,7 @@ def calls(monkeypatch):
     return seen
 
 
-def test_torques_are_evaluated_once_per_sample_in_a_run(designed, calls):
+def test_online_torques_are_evaluated_once_per_sample(designed, calls):
     # With a disturbance the loop depends on time. Both the load torque and the feedforward use it.
     fields = {"inverse_dynamics": "online", "controller.kind": "pi_id"}
     fields |= {"disturbance.amplitude": 0.05}
@@ -123,7 +123,7 @@ def test_torques_are_evaluated_once_per_sample_in_a_run(designed, calls):
     assert counts[1:] == [2] * (len(counts) - 2) + [0] and 2 <= counts[0] <= 4
 
 
-def test_a_simulator_outlives_its_robot_and_design(robot, designed):
+def test_simulator_outlives_robot_and_design(robot, designed):
     online = designed("coupled_pi_ctc", {"inverse_dynamics": "online"}, end=0.2)
 
     def speeds(nominal):
