@@ -35,7 +35,7 @@ def run(short):
 # --- objects --------------------------------------------------------------------------------------
 
 
-def test_objects_show_themselves_shortly(robot, short, run):
+def test_objects_have_short_reprs(robot, short, run):
     compared = Comparison([Compared("pi_ctc", short, run)])
     shown = [
         short.scenario,
@@ -58,7 +58,7 @@ def test_objects_show_themselves_shortly(robot, short, run):
 
 
 @given(st.lists(st.lists(st.text("abc", min_size=1, max_size=9), max_size=9), min_size=1))
-def test_a_table_with_any_headers_has_all_their_words(headers):
+def test_table_keeps_all_words_of_headers(headers):
     lines = aligned([" ".join(words) for words in headers], [["1"] * len(headers)], width=20)
     found = Counter(" ".join(lines).split())
     assert not Counter(word for words in headers for word in words) - found
@@ -77,11 +77,11 @@ def test_a_table_with_any_headers_has_all_their_words(headers):
         (5.4321, np.nan, "5.432"),
     ],
 )
-def test_numbers_have_the_digits_that_are_known(value, std, text):
+def test_printed_numbers_have_known_digits(value, std, text):
     assert rounded(value, std) == text
 
 
-def test_wide_tables_fit_and_lose_nothing():
+def test_wide_tables_fit_the_terminal_and_lose_nothing():
     assert [formatted(x, ".1f") for x in (-0.04, np.nan, -np.inf)] == ["0.0", "–", "-∞"]
     header = ["controller", "joint", *(f"some quantity {i} [N m s/rad]" for i in range(9))]
     rows = [[c, k, *(f"{c}{k}{i}" for i in range(9))] for c in "ab" for k in "12"]
@@ -95,7 +95,7 @@ def test_wide_tables_fit_and_lose_nothing():
         assert [cell for part in cells for cell in part[2:]] == row[2:]
 
 
-def test_tables_of_pandas(short, run):
+def test_results_become_pandas_tables(short, run):
     pytest.importorskip("pandas")
     table = run.to_pandas()
     assert table.index.name == "time" and np.array_equal(table.index, run.time)
@@ -111,7 +111,7 @@ def test_tables_of_pandas(short, run):
 # --- functions ------------------------------------------------------------------------------------
 
 
-def test_functions_give_the_numbers_of_the_commands(short, run, tmp_path):
+def test_functions_give_numbers_of_commands(short, run, tmp_path):
     response = sdt.bode(short, time=0.25)
     expected = frequency_response(short, sample=50).loop_gain
     np.testing.assert_array_equal(response.loop_gain, expected)
@@ -126,7 +126,7 @@ def test_functions_give_the_numbers_of_the_commands(short, run, tmp_path):
         assert words in str(result)
 
 
-def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(designed):
+def test_axis_loop_poles_equal_the_papers_transfer_function(designed):
     """v / v_ref = K_IS / (I s² + K_PS s + K_IS), Section 3.3 with P in the feedback path; the load
     torque acts on the motor: v = s / (I s² + ...) tau / r."""
     pytest.importorskip("control")
@@ -158,7 +158,7 @@ class Odd:
     """Something that no function takes."""
 
 
-def test_every_argument_of_every_function_refuses_an_odd_object(short, run, tmp_path, monkeypatch):
+def test_every_argument_refuses_an_odd_object(short, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     zeros, scenario = np.zeros((21, 3)), short.scenario
     calls = {
@@ -195,7 +195,7 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("name", [name for name in FIGURES if "._" not in name])
-def test_a_figure_names_the_argument_of_another_type(name):
+def test_figure_of_wrong_type_names_its_argument(name):
     names = list(inspect.signature(FIGURES[name]).parameters)
     has_title = names[0] == "title"
     for value in ([Odd()], {"a": Odd()}, Odd(), "x", 3):
@@ -232,13 +232,13 @@ WRONG = {
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_wrong_values_are_named(short, message):
+def test_wrong_values_name_their_argument(short, message):
     with pytest.raises(sdt.InputError, match=f"^{message}") as error:
         WRONG[message](short)
     assert "\n" not in str(error.value)
 
 
-def test_what_drake_would_die_of_is_refused(design, designed):
+def test_inputs_that_abort_drake_are_refused(design, designed):
     motion = copy.deepcopy(STILL)
     motion.v[3, 1] = np.nan
     with pytest.raises(sdt.InputError, match=r"v of joint 2 is not finite at 0\.015 s"):
@@ -250,7 +250,7 @@ def test_what_drake_would_die_of_is_refused(design, designed):
         simulate(design, sdt.loop(designed("axis_pi")))
 
 
-def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
+def test_stuck_integrator_says_when(design, monkeypatch):
     """With the least step far above what the loop needs."""
     scenario = dataclasses.replace(design.scenario, accuracy=1e-12)
     own = sdt.design(scenario, robot=design.device.simulated, motion=design.reference.tracked)

@@ -65,7 +65,7 @@ def names_in(folder):
 # --- what is committed -----------------------------------------------------------------------
 
 
-def test_every_figure_is_drawn_by_the_script_and_nothing_else_is_committed():
+def test_folder_holds_the_figures_of_the_script_and_nothing_else():
     others = {"redraw.py", "README.md", "exciting.yaml", "studies", "tutorial.ipynb"}
     others |= {"page.png"} | {f"{script}.py" for script in SCRIPTS.values()}  # page: of `view`
     assert names_in(FOLDER) == others.union(*map(written, NAMES))
@@ -75,7 +75,7 @@ def test_every_figure_is_drawn_by_the_script_and_nothing_else_is_committed():
 
 @pytest.mark.documents
 @pytest.mark.parametrize("name", DIAGRAMS)
-def test_committed_diagrams_are_those_of_the_loops_of_today(name):
+def test_committed_diagrams_equal_loops_of_today(name):
     text, svg = ((FOLDER / f"{name}.{x}").read_text(encoding="utf-8") for x in ("dot", "svg"))
     page = page_of(DIAGRAMS[name](REDRAW["designed"]("coupled_pi")))
     assert dot_text(page) == text, "run redraw.py again"
@@ -85,7 +85,7 @@ def test_committed_diagrams_are_those_of_the_loops_of_today(name):
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_committed_rows_are_those_of_today(name):
+def test_committed_study_rows_equal_rows_of_today(name):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
     with Store(ROWS / name) as store:
         outcomes, *_ = runner.repeat(0, store.inputs(0))
@@ -96,7 +96,7 @@ def test_committed_rows_are_those_of_today(name):
 
 
 @pytest.mark.parametrize("name", ["leans", "inversion"])
-def test_committed_figures_show_the_motions_of_today(robot, name):
+def test_committed_training_figures_show_motions_of_today(robot, name):
     """All but the small errors of the run, for which it would have to be simulated."""
     motion = load_plan(name, robot, period=PERIOD).motion
     head = head_motion_of_samples(robot, PERIOD, motion.q, motion.v)
@@ -116,7 +116,7 @@ def test_committed_figures_show_the_motions_of_today(robot, name):
 
 @pytest.mark.documents
 @pytest.mark.parametrize("name", TRIED)
-def test_what_is_committed_is_what_the_script_draws_today(name, request, monkeypatch):
+def test_committed_plots_equal_plots_of_today(name, request, monkeypatch):
     """By the numbers and texts in it."""
     if name == "controllers":  # its runs are those of other tests
         runs = request.getfixturevalue("on_exact_model")
@@ -129,7 +129,7 @@ def test_what_is_committed_is_what_the_script_draws_today(name, request, monkeyp
 
 
 @pytest.mark.documents
-def test_it_writes_all_of_a_figure_with_python_alone(tmp_path):
+def test_redraw_needs_no_program_but_python(tmp_path):
     command = [sys.executable, SCRIPT, "new", "--only", "figure5", "device"]
     subprocess.run(command, cwd=tmp_path, env=os.environ | {"PATH": ""}, check=True)
     assert names_in(tmp_path / "new") == written("figure5") | written("device")
@@ -147,7 +147,7 @@ def test_it_writes_all_of_a_figure_with_python_alone(tmp_path):
         ("coupled_loop", "coupled_pi_ctc", {"disturbance.amplitude": 0.05}),
     ],
 )
-def test_a_loop_wired_in_the_open_is_that_of_its_scenario(
+def test_script_loop_equals_loop_of_its_scenario(
     script, scenario, fields, designed, tmp_path, capsys
 ):
     """A loop of 0.16 to 0.9 rad/s of error is met to 1e-9 rad/s at every sample of 30 s."""
@@ -159,7 +159,7 @@ def test_a_loop_wired_in_the_open_is_that_of_its_scenario(
 
 
 @pytest.mark.parametrize("script", SCRIPTS.values())
-def test_a_script_is_short_and_makes_its_loop_itself(script):
+def test_script_is_short_and_wires_its_loop_itself(script):
     text = (FOLDER / f"{script}.py").read_text(encoding="utf-8")
     assert 40 <= len(text.splitlines()) <= 80
     assert not re.search(r"make_loop|make_step_loop|sdt\.loop", text)
@@ -167,7 +167,7 @@ def test_a_script_is_short_and_makes_its_loop_itself(script):
 
 @pytest.mark.documents
 @pytest.mark.parametrize("script", SCRIPTS.values())
-def test_committed_files_of_a_script_are_those_of_today(script, tmp_path):
+def test_committed_script_files_equal_files_of_today(script, tmp_path):
     figure, _ = main_of(script)(tmp_path)
     check_same(shown_in(figure), FOLDER / f"{script}.png")
     dot = f"{script}_drake.dot"

@@ -30,14 +30,14 @@ LINES = {
 
 
 @pytest.mark.parametrize("line", sorted(LINES))
-def test_commands_are_accepted(line):
+def test_commands_in_documents_are_accepted_by_the_parser(line):
     words = shlex.split(line)
     commands(words[0]).parse_args(words)
 
 
 @pytest.mark.documents
 @pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "```python" in text])
-def test_python_runs(page, tmp_path, monkeypatch, capsys):
+def test_python_in_documents_runs_and_prints(page, tmp_path, monkeypatch, capsys):
     def first(scenario, robot, whole=design.plan_of):  # of 1 s: its numbers are not looked at
         plan = whole(scenario, robot)
         start = (values[:201] for values in (plan.motion.q, plan.motion.v, plan.motion.vd))
@@ -52,7 +52,7 @@ def test_python_runs(page, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("page", TEXTS)
-def test_links_exist(page):
+def test_links_and_headings_of_documents_exist(page):
     text = re.sub(r"```.*?```", "", TEXTS[page], flags=re.DOTALL)
     for target, heading in re.findall(r"\]\((?!http)([^)#\s]*)(#[^)\s]*)?\)", text):
         file = (ROOT / page).parent / target if target else ROOT / page
@@ -76,7 +76,7 @@ def test_links_exist(page):
         ("perceive", "reference/python#sdt_drake.perceive"),
     ],
 )
-def test_page_of_a_topic(topic, page):
+def test_docs_opens_the_page_of_a_topic(topic, page):
     assert pages(topic)[0] == page
 
 

@@ -47,7 +47,7 @@ def runs_of(runs: dict[str, Compared], rows: list[list[str]]) -> list[Compared]:
     return [runs[re.match(r"`(.*?)`", row[0])[1]] for row in rows]
 
 
-def test_table_of_controllers_is_what_compare_finds(on_exact_model, on_wrong_model):
+def test_table_of_controllers_equals_compare(on_exact_model, on_wrong_model):
     rows = rows_of_table("controller | position")
     for runs, first in ((on_exact_model, 1), (on_wrong_model, 3)):
         for row, found in zip(rows, runs_of(runs, rows), strict=True):
@@ -64,7 +64,7 @@ def said(pattern: str) -> list[float]:
     return [float(number) for number in found]
 
 
-def test_what_the_printed_sign_makes_of_joint_2(reproduction):
+def test_printed_sign_of_algorithm_1_on_joint_2(reproduction):
     worst, pi, ctc, steady = said(
         r"joint 2 \((\S+) rad/s\) (\S+) times that of PI alone and (\S+) times that of PI \+ CTC "
         r"with the right one, at constant speed (\S+) times"
@@ -81,7 +81,7 @@ def test_what_the_printed_sign_makes_of_joint_2(reproduction):
     assert ratio == pytest.approx(steady, abs=0.5)
 
 
-def test_table_of_what_depends_on_the_sign_of_0(reproduction, monkeypatch):
+def test_table_of_sign_of_0_equals_runs(reproduction, monkeypatch):
     def other(inertial, coupled, *rest):  # what has no sign gets that of tau_coupled
         inertial = np.where(inertial == 0, 1e-9 * np.sign(coupled), inertial)
         return decouple(inertial, coupled, *rest)
@@ -128,7 +128,7 @@ def test_table_of_what_depends_on_the_sign_of_0(reproduction, monkeypatch):
         assert next(errors) == pytest.approx(next(errors), rel=1e-3)
 
 
-def test_a_device_at_rest_feels_more_like_the_turn_than_its_motion(robot):
+def test_device_at_rest_feels_more_like_the_turn_than_its_motion(robot):
     rotation, vertical, moving, tilted, force, moved = said(
         r"at rest errs by (\S+) deg/s of felt rotation and (\S+) deg of felt vertical .*? than "
         r"the motion \((\S+) deg/s, (\S+) deg\)\. .*? is rest worse, (\S+) instead of (\S+) G"
@@ -146,7 +146,7 @@ def test_a_device_at_rest_feels_more_like_the_turn_than_its_motion(robot):
     assert row[1].startswith(f"{moved:g},") and row[2].startswith(f"{moving:g},")
 
 
-def test_sampled_drives_on_elastic_joints_are_unstable_from(designed):
+def test_sampled_drives_on_elastic_joints_are_unstable_from_told_ratio(designed):
     design = designed("real_device", {"drive.period": 0.001}, end=30)
     drive = design.scenario.drive
     sweep = stability_sweep(design, 65.991, encoder="motor", drive=drive, damping_ratio=0.01)
@@ -154,7 +154,7 @@ def test_sampled_drives_on_elastic_joints_are_unstable_from(designed):
     assert "0.27" in FINDINGS and "0.47" in FINDINGS
 
 
-def test_table_of_what_is_felt_is_what_compare_finds(on_exact_model):
+def test_table_of_felt_share_equals_compare(on_exact_model):
     rows = rows_of_table("controller | share of time")
     wanted = feel(on_exact_model["pi"].head.reference, 0.005, "clark2019")
     for row, found in zip(rows, runs_of(on_exact_model, rows), strict=True):
@@ -173,7 +173,7 @@ def worst(table, family: str) -> np.ndarray:
     return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
 
 
-def test_table_of_the_study_is_what_its_rows_say():
+def test_table_of_the_study_equals_its_rows():
     table = read_study_table(STUDIES / "monte_carlo")
     assert set(table.status) == {"ok"}
     assert f"{len(table)} runs of the reference motion" in FINDINGS
@@ -206,7 +206,7 @@ def test_table_of_the_study_is_what_its_rows_say():
     assert (away.sum(), (away & (controllers == "p_pi+id")).sum()) == (25, 13)
 
 
-def test_recommended_motors_are_those_of_the_rows():
+def test_recommended_motors_equal_the_rows():
     verdicts = judge_candidates(SIZING, read_study_table(STUDIES / "sizing"))
     for labels, motors, scale, mass, _ in rows_of_table("controller | lightest motors"):
         for label in re.findall(r"`(.*?)`", labels):
@@ -220,7 +220,7 @@ def test_recommended_motors_are_those_of_the_rows():
         assert reason in only
 
 
-def test_a_held_mean_speed_is_not_late(designed):
+def test_held_mean_speed_has_the_told_error(designed):
     told = re.search(
         r"error: ([\d.]+) deg from the motion, .*?held_speed=mean`: ([\d.]+) deg", FINDINGS, re.S
     )
@@ -231,7 +231,7 @@ def test_a_held_mean_speed_is_not_late(designed):
         assert np.degrees(found) == pytest.approx(float(error), abs=5e-4)
 
 
-def test_table_of_learned_torques_is_what_flights_find(designed):
+def test_table_of_learned_torques_equals_flights(designed):
     """A cascade without a model learns the torques of one, where no reference is late."""
     (row,) = (row for row in rows_of_table("wrong_model, `--of") if row[0].startswith("`p_pi`,"))
     fields = {"controller.kind": "p_pi", "held_speed": "mean", "accuracy": COARSE}
@@ -242,7 +242,7 @@ def test_table_of_learned_torques_is_what_flights_find(designed):
     np.testing.assert_allclose(found, [float(cell) for cell in row[1:3]], atol=6e-4)
 
 
-def test_what_springs_bend_is_what_is_left_of_the_learned(designed):
+def test_remaining_error_after_learning_equals_spring_bending(designed):
     """Torque of the links over stiffness, which the motor's encoder does not see."""
     rows = {row[0].split(",")[1].strip(): row for row in rows_of_table("flown with")[5:]}
     told = re.search(r"at most ([\d.]+) deg at 42 Hz and ([\d.]+) deg at 21 Hz", FINDINGS)

@@ -27,7 +27,7 @@ HIGHER = {
 """What methods call in higher layers, by place: the figures of results, and `design.linear`."""
 
 
-def test_every_contract_holds():
+def test_import_contracts_hold():
     """In a process of its own: import-linter switches all existing loggers off."""
     command = Path(sys.executable).with_name("lint-imports")
     root = Path(__file__).parents[1]
@@ -35,13 +35,13 @@ def test_every_contract_holds():
     assert done.returncode == 0 and "Contracts: 3 kept, 0 broken" in done.stdout, done.stdout
 
 
-def test_no_module_imports_itself_over_others():
+def test_modules_have_no_import_cycles():
     graph = grimp.build_graph("sdt_drake", cache_dir=None)
     imports = {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
     assert len(list(TopologicalSorter(imports).static_order())) == len(imports)  # or CycleError
 
 
-def test_methods_call_these_functions_of_higher_layers_and_no_others():
+def test_only_listed_methods_call_higher_layers():
     calls = {
         (path.relative_to(PACKAGE).as_posix(), ast.literal_eval(node.args[0]))
         for path in PACKAGE.rglob("*.py")

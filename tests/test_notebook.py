@@ -46,13 +46,13 @@ def ran(on_exact_model, on_wrong_model):
     return names, printed, shown
 
 
-def test_seventeen_cells_with_words_before_each():
+def test_notebook_has_17_cells_with_words_before_each():
     assert [cell["cell_type"] for cell in CELLS] == ["markdown", "code"] * 17
     for k, cell in enumerate(CELLS[::2], start=1):
         assert f"## {k}. " in "".join(cell["source"])
 
 
-def test_stored_outputs_are_those_of_today(ran):
+def test_stored_notebook_outputs_equal_outputs_of_today(ran):
     _, printed, shown = ran
     stored = "".join("".join(output.get("text", [])) for output in OUTPUTS)
     number, today = re.compile(r"[-+]?\d+\.?\d*"), "\n".join(printed) + "\n"
@@ -71,7 +71,7 @@ def test_stored_outputs_are_those_of_today(ran):
     assert page.startswith("<iframe ") and "srcdoc=" in page and page.count("<") == 2
 
 
-def test_the_choice_is_what_the_numbers_say(ran, on_exact_model, on_wrong_model):
+def test_notebook_choice_follows_its_numbers(ran, on_exact_model, on_wrong_model):
     names, printed, _ = ran
     worst = {  # deg, of all joints, by controller: model exact, model wrong
         label: [
@@ -88,7 +88,7 @@ def test_the_choice_is_what_the_numbers_say(ran, on_exact_model, on_wrong_model)
     assert better.tolist() == [True, False]
 
 
-def test_loops_closed_from_outside_follow(ran):
+def test_notebook_loops_closed_from_outside_follow(ran):
     names, printed, _ = ran
     assert np.degrees(np.abs(names["by_hand"].position_error).max()) < 0.2
     assert names["program"].wait(10) != 0  # it was told to end

@@ -43,7 +43,7 @@ PRINTED = {"pi": (0.022, 0.16, 13.53), "p_in_feedback": (0.094, 0.159, 0.0)}
 COMPUTED = {"pi": (0.0221, 0.1634, 13.534), "p_in_feedback": (0.0944, 0.1595, 0.007)}
 
 
-def test_every_axis_tuned_as_in_figure_4_has_the_figures_of_the_paper(simulate):
+def test_axis_tuned_as_figure_4_has_figures_of_the_paper(simulate):
     """Rise and settling time [s], overshoot [%]: omega_n and zeta are those of axis 1 on all."""
     gains = {name: tune(I_MAX, OMEGA_R, zeta) for name, zeta in FIGURE4_ZETA.items()}
     _, t, speeds = simulate(gains, I_MAX)
@@ -58,14 +58,14 @@ def test_every_axis_tuned_as_in_figure_4_has_the_figures_of_the_paper(simulate):
 
 
 @pytest.mark.parametrize("level", INERTIA)
-def test_damping_is_that_of_table_1(level):
+def test_damping_equals_table_1(level):
     for axis, printed in zip(formulas(level), table1(f"zeta_{level}"), strict=True):
         assert axis.zeta == pytest.approx(printed, abs=0.01)
 
 
 @pytest.mark.parametrize("level", INERTIA)
 @pytest.mark.parametrize("structure", FIGURE4)
-def test_a_step_of_the_reference_follows_the_formula(on_table1, level, structure):
+def test_step_of_reference_follows_formula(on_table1, level, structure):
     (t, speeds), b = on_table1[level], STRUCTURES[structure]
     for axis, v in zip(formulas(level), speeds[structure].T, strict=True):
         np.testing.assert_allclose(v, axis.reference_step(b, t), rtol=0, atol=1e-9)
@@ -75,7 +75,7 @@ def test_a_step_of_the_reference_follows_the_formula(on_table1, level, structure
         assert abs(m.steady_state_error) < 2e-5
 
 
-def test_an_overshoot_is_that_of_the_zero(on_table1):
+def test_overshoot_is_none_for_i_p_and_7_to_14_percent_for_pi(on_table1):
     """Of I-P there is none at zeta >= 1; the zero of the other gives 7 to 14 %."""
     _, speeds = on_table1["min"]
     over = {x: 100 * (v.max(axis=0) - 1) for x, v in speeds.items()}
@@ -87,9 +87,7 @@ def test_an_overshoot_is_that_of_the_zero(on_table1):
 
 
 @pytest.mark.parametrize("level", INERTIA)
-def test_a_step_of_the_load_leaves_no_speed_error_and_bends_the_axis_by_its_stiffness(
-    simulate, level
-):
+def test_step_of_load_leaves_no_speed_error_and_integral_stiffness(simulate, level):
     """The structure does not matter: the reference does not change. K_IS holds the angle."""
     load = 100.0  # N m
     _, t, speeds = simulate(BOTH, INERTIA[level], v_ref=0.0, load_torque=load)
