@@ -2,10 +2,12 @@
 
 import re
 import shlex
+import shutil
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sdt_drake.cli.app import commands, main
@@ -35,20 +37,80 @@ def test_commands_in_documents_are_accepted_by_the_parser(line):
     commands(words[0]).parse_args(words)
 
 
-@pytest.mark.documents
-@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "```python" in text])
-def test_python_in_documents_runs_and_prints(page, tmp_path, monkeypatch, capsys):
-    def first(scenario, robot, whole=design.plan_of):  # of 1 s: its numbers are not looked at
+@pytest.fixture
+def one_second(monkeypatch):
+    """Plan motions of 1 s that end at rest: the numbers of documented runs are not looked at."""
+
+    def first(scenario, robot, whole=design.plan_of):
         plan = whole(scenario, robot)
-        start = (values[:201] for values in (plan.motion.q, plan.motion.v, plan.motion.vd))
-        return replace(plan, motion=Motion(plan.motion.period, *start))
+        v = plan.motion.v[:201] * np.linspace(1, 0, len(plan.motion.v[:201]))[:, None]
+        return replace(plan, motion=Motion.from_speeds(plan.motion.period, plan.motion.q[0], v))
 
     monkeypatch.setattr(design, "plan_of", first)
+
+
+@pytest.mark.documents
+@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "```python" in text])
+def test_python_in_documents_runs_and_prints(page, tmp_path, monkeypatch, capsys, one_second):
     monkeypatch.chdir(tmp_path)
     for block in re.findall(r"^```python\n(.*?)^```", TEXTS[page], re.MULTILINE | re.DOTALL):
         exec(compile(block, page, "exec"), {})
     assert capsys.readouterr().out
     assert list(tmp_path.glob("*.png"))
+
+
+GIVEN = {
+    "recording": [
+        "init my_robot --robot my.urdf", "simulate my_robot/scenario.yaml --out log.csv",
+    ],
+    "learn": [
+        "scenarios real_device > my_machine.yaml",
+        "simulate my_machine.yaml --out run_1.csv",
+        "simulate my_machine.yaml --set plant.deviation.payload_mass=1 --out run_2.csv",
+    ],
+}  # fmt: skip
+"""Commands that make what a page calls the user's own files."""
+SHRUNK = {"draws: 250": "draws: 4", "timeout: 120": "timeout: 600"}
+"""Fewer runs of a documented study."""
+
+
+def commands_of(text):
+    """Return the lines of `console` blocks and of tables with times, in their order."""
+    found = re.findall(r"^ *sdt-drake (.*)$|^\| `([^`]*)` \| [^|]* s \|", text, re.MULTILINE)
+    return [(line or row).removeprefix("sdt-drake ") for line, row in found]
+
+
+OWN_TESTS = ("fly ", "reproduce ")
+"""Commands that take long, and have tests of their own."""
+PAGES = {
+    Path(page).stem: text
+    for page, text in TEXTS.items()
+    if commands_of(text) and page != "diagrams/README.md" and "HOST" not in text
+}
+"""Pages with commands; those of the findings take hours, and a cluster needs its host."""
+
+
+@pytest.mark.documents
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_run_in_their_order_in_an_empty_folder(
+    page, tmp_path, monkeypatch, capsys, request
+):
+    monkeypatch.chdir(tmp_path)
+    if page not in GIVEN:
+        request.getfixturevalue("one_second")
+    shutil.copy(ROOT / "tests/helpers/robot_files/arm.urdf", "my.urdf")
+    for yaml in re.findall(r"^```yaml\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL):
+        Path("motion.yaml").write_text(yaml, encoding="utf-8")
+    for line in GIVEN.get(page, []) + commands_of(PAGES[page]):
+        if line.startswith(OWN_TESTS):
+            continue
+        words, _, target = line.partition(" #")[0].partition(" > ")
+        assert main(shlex.split(words)) == 0, (line, capsys.readouterr().err)
+        printed = capsys.readouterr().out
+        for old, new in SHRUNK.items():
+            printed = printed.replace(old, new)
+        if target:
+            Path(target.strip()).write_text(printed, encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", TEXTS)

@@ -21,10 +21,14 @@ _NEXT = {
     "scenario for the margins.",
     "motors saturate": "slow the motion down (`planner: retiming`), or run `sdt-drake size` for "
     "stronger motors.",
-    "nothing saturates": "run `sdt-drake budget` on the scenario for the causes of the error, and "
-    "`sdt-drake compare` for other controllers.",
+    "nothing saturates": "run {}`sdt-drake compare` for other controllers.",
 }
 """What to do next, by the state of a run."""
+
+_CAUSES = {
+    "axis": "`sdt-drake budget` on the scenario for the causes of the error, and ",
+    "coupled": "",  # whose errors are no sums of responses
+}
 
 
 def answer(run: Compared, response: FrequencyResponse | str) -> dict[str, Any]:
@@ -64,7 +68,7 @@ def answer(run: Compared, response: FrequencyResponse | str) -> dict[str, Any]:
         "used": names[int(np.nanargmax(share))],
         "saturated": f"Saturated: {', '.join(saturated)}" if saturated else "No motor saturates",
         "state": state,
-        "advice": Marked(_NEXT[state]),
+        "advice": Marked(_NEXT[state].format(_CAUSES[run.design.scenario.plant.kind])),
         "notes": bullets(_notes(run, response, names)),
     }
 
