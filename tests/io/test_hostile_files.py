@@ -2,8 +2,13 @@
 back, or an InputError."""
 
 import functools
+import io
 import json
 import sqlite3
+import struct
+import subprocess
+import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -149,6 +154,75 @@ def test_files_that_expand_in_memory_are_refused(name, write, message, monkeypat
     with TemporaryDirectory() as folder, pytest.raises(InputError, match=message):
         write(Path(folder) / name)
         read_table(Path(folder) / name)
+
+
+MAT = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+
+
+def zeros_mat() -> bytes:
+    """A matrix of 3.7 GB of zeros in 3.6 MB, packed once and repeated."""
+    pack = zlib.compressobj()
+    start, block = (
+        pack.compress(x) + pack.flush(zlib.Z_FULL_FLUSH) for x in (b"\x0e", bytes(2**20))
+    )
+    return MAT + struct.pack("<2I", 15, len(start) + 3500 * len(block)) + start + 3500 * block
+
+
+def deep_mat(depth: int = 100_000) -> bytes:
+    """Structures in each other: scipy's reader ends the process."""
+
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack("<2I", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    flags, shape = element(6, struct.pack("<2I", 2, 0)), element(5, struct.pack("<2i", 1, 1))
+    names = element(5, struct.pack("<i", 8)) + element(1, b"q".ljust(8, b"\0"))
+    head = flags + shape + element(1, b"q") + names
+    sizes = (len(head) + k * (8 + len(head)) for k in range(depth, -1, -1))
+    whole = b"".join(struct.pack("<2I", 14, size) + head for size in sizes)
+    return MAT + whole
+
+
+def zeros_parquet() -> bytes:
+    """Two columns of 13 million zeros in 0.1 MB."""
+    target, zeros = io.BytesIO(), np.zeros(13_000_000)
+    parquet.write_table(pa.table({"time": zeros, "q_1": zeros}), target)
+    return target.getvalue()
+
+
+def aliases_yaml() -> bytes:
+    """A list of 9^18 numbers, each line nine times the line before."""
+    lines = [f"a{k + 1}: &a{k + 1} [{', '.join([f'*a{k}'] * 9)}]" for k in range(18)]
+    return "\n".join(["a0: &a0 [1, 1]", *lines]).encode()
+
+
+SPACES = " ".join(f'xmlns:x{k}=""' for k in range(40_000)).encode()
+BOMBS = {
+    "zeros.mat": (zeros_mat, "bytes without compression"),
+    "deep.mat": (deep_mat, "20 nested"),
+    "zeros.parquet": (zeros_parquet, "26000000 numbers, expected at most 25"),
+    "children.sdf": (lambda: b"<sdf>" + 2_000_000 * b"<a/>" + b"</sdf>", "more than 20000 element"),
+    "spaces.sdf": (lambda: b"<sdf><a " + SPACES + b"/></sdf>", "<a> has 40000 attributes"),
+    "deep.sdf": (lambda: 3_000_000 * b"<a>", "more than 50 nested elements"),
+    "deep.yaml": (lambda: b"zeta: " + 900_000 * b"[", "50 levels"),
+    "aliases.yaml": (aliases_yaml, "at most 200000 values"),
+    "names.yaml": (lambda: b"".join(b"x%d: 1\n" % k for k in range(10_000)), "x0: no such field"),
+    "digits.csv": (lambda: b"time,q_1\n0," + 9_000_000 * b"9" + b"\n1,2\n", "line 2: q_1 is inf"),
+    "lines.csv": (lambda: b"time,q_1\n" + 3_000_000 * b"\n", "fewer than two rows"),
+}
+"""What makes each small file, and what is said of it."""
+
+
+def test_small_files_need_no_more_memory_and_time_than_promised(tmp_path):
+    paths = [tmp_path / name for name in BOMBS]
+    for path, (make, _) in zip(paths, BOMBS.values(), strict=True):
+        path.write_bytes(make())
+        assert path.stat().st_size < 10_000_000
+    command = [sys.executable, "-m", "helpers.bounded_reads", *map(str, paths)]
+    tests = Path(__file__).parents[1]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tests)
+    assert (done.returncode, done.stderr) == (0, "")
+    for line, path, (_, told) in zip(done.stdout.splitlines(), paths, BOMBS.values(), strict=True):
+        assert line.startswith(str(path)) and told in line
 
 
 def test_compressed_matrices_equal_scipys(tmp_path):
