@@ -72,8 +72,8 @@ def checked_name(path: str | Path) -> Path:
 
 
 def has_control_characters(text: str) -> bool:
-    """Check for control characters (also NUL and line breaks) and surrogates."""
-    return any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
+    """Check for control characters (also NUL), line breaks of any kind, and surrogates."""
+    return any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in text)
 
 
 def checked_input(path: Path, max_bytes: float = math.inf) -> Path:

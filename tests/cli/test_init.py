@@ -1,8 +1,9 @@
 """`init`: files to make one's own, every one of which runs."""
 
 import re
+import shlex
 from pathlib import Path
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from helpers.robots import RATE_TABLE, SIX
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.resources import models_dir
 from sdt_drake.machine.drive_files import load_drives
+from sdt_drake.machine.recordings import load_columns
 from sdt_drake.motion import load_plan, margins
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.shapes import mesh_files
@@ -103,3 +105,24 @@ def test_init_files_of_an_own_robot_fit_it_and_run(good, desk, monkeypatch, name
         schema = Path(text.splitlines()[0].split("$schema=")[1])
         assert not schema.is_absolute() and str(desk) not in text
         assert schema.read_text() == (models_dir() / schema).read_text()
+
+
+NAMES = ['it\'s "q" <x>', "a # c: ${x}", "[ü] - 50%20", "&a"]
+"""Names with a meaning to YAML, XML, a shell, a template or a web address."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_name_of_folder_file_robot_and_joint_stays_that_name(good, desk, monkeypatch, name):
+    text, quoted = command_line.ARM, quoteattr(name)
+    for old in ("name='elbow'", "relative_to='elbow'", "name='two_links'"):
+        text = text.replace(old, f"{old.partition('=')[0]}={quoted}")
+    (desk / f"{name}.sdf").write_text(text, encoding="utf-8")
+    out = good("init", "--robot", f"{name}.sdf", name).out
+    (cd,) = (line for line in out.splitlines() if line.startswith("cd "))
+    assert shlex.split(cd) == ["cd", name] and f"view {shlex.quote(name + '.sdf')} " in out
+    monkeypatch.chdir(desk / name)
+    design = make_design(load_scenario("scenario.yaml"))
+    assert (design.nominal.name, design.nominal.joint_names) == (name, ("shoulder", name))
+    assert Path(design.scenario.robot).name == f"{name}.sdf"
+    assert load_sizing("sizing.yaml")[0].study() and load_study("study.yaml")[0].variables
+    assert len(load_drives("drives.yaml", 2).axes) == 2 and load_columns("columns.yaml").q

@@ -36,7 +36,7 @@ USES = [checked_input, find_file, read_table, lambda path: read_text(path, 10), 
 
 @pytest.mark.parametrize("use", USES)
 def test_unprintable_names_pipes_and_folders_are_refused(tmp_path, use):
-    for name in ("a\0b", "a\nb", "a\x1b[31mb", "a\udcffb", "a\ud800b"):
+    for name in ("a\0b", "a\nb", "a\x1b[31mb", "a\u2028b", "a\udcffb", "a\ud800b"):
         refused("control characters or no UTF-8", use, tmp_path / name)
     os.mkfifo(tmp_path / "pipe")
     refused("is a device or pipe, expected a file", use, tmp_path / "pipe")
