@@ -23,6 +23,7 @@ from sdt_drake.io.fields import (
     field,
 )
 from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.robot.brakes import Brake
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.parsed import parts_of
@@ -59,6 +60,8 @@ class Motor(Input):
     """Motor speed over joint speed, unless the device chooses another ratio."""
     thermal_time_constant: Positive = field(unit="s")
     """Thermal time constant of the winding (first order)."""
+    brake: Brake | None = field(None)
+    """Brake on the motor's shaft; none by default. Only emergency stops use it."""
     source: Text
     """Origin of the numbers."""
 

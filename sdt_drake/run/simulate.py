@@ -57,7 +57,20 @@ def make_simulator(
     step is a little above the period: with the period itself, every few samples a second step of
     1e-16 s would follow.
     """
-    simulator, largest = Simulator(diagram), simulation.max_step_size
+    simulator = Simulator(diagram)
+    new_integrator(simulator, period, accuracy, realtime_rate, simulation)
+    return simulator
+
+
+def new_integrator(
+    simulator: Simulator,
+    period: float,
+    accuracy: float,
+    realtime_rate: float = 0.0,
+    simulation: SimulationChoice = BY_DEFAULT,
+) -> None:
+    """Give a simulator the integrator of `make_simulator`, without a memory of earlier steps."""
+    largest = simulation.max_step_size
     config = SimulatorConfig(
         integration_scheme=simulation.integration_scheme,
         max_step_size=1.01 * period if largest is None or largest >= period else largest,
@@ -69,7 +82,6 @@ def make_simulator(
     integrator = simulator.get_mutable_integrator()
     integrator.set_requested_minimum_step_size(period / MAX_STEPS)
     integrator.set_throw_on_minimum_step_size_violation(True)
-    return simulator
 
 
 def simulate(

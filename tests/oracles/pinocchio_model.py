@@ -1,4 +1,4 @@
-"""Inverse dynamics by Pinocchio.
+"""Robots in Pinocchio, and its inverse dynamics.
 
 Independent: another library computes the torque, by a recursion of Newton and Euler over joints
 that it has been told one by one. Only where joints and links are, and their inertias, come from the
@@ -10,8 +10,8 @@ import pytest
 from sdt_drake.robot.parsed import parts_of
 
 
-def pinocchio_torque(robot, q, v, vd):
-    """Of the links alone, without friction."""
+def pinocchio_robot(robot):
+    """The library and its model: the links alone, without friction."""
     pin = pytest.importorskip("pinocchio")
     model, parent, context = pin.Model(), 0, robot.context_at_zero()
     for name in robot.joint_names:
@@ -24,4 +24,10 @@ def pinocchio_torque(robot, q, v, vd):
             pose = body.body_frame().CalcPose(context, joint.frame_on_child())
             place = pin.SE3(pose.rotation().matrix(), pose.translation())
             model.appendBodyToJoint(parent, pin.Inertia(*parts_of(body)), place)
+    return pin, model
+
+
+def pinocchio_torque(robot, q, v, vd):
+    """Of the links alone, without friction."""
+    pin, model = pinocchio_robot(robot)
     return pin.rnea(model, model.createData(), q, v, vd)
