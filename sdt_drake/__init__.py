@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.linear import linear
     from sdt_drake.analysis.loop_step import step
     from sdt_drake.analysis.stability import stability
+    from sdt_drake.analysis.stops import stops
     from sdt_drake.analysis.tracking import track
     from sdt_drake.io.errors import InputError
     from sdt_drake.machine.cueing.procedure import fly
@@ -71,6 +72,7 @@ _PLACES = {
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
     "step": "analysis.loop_step:step",
+    "stops": "analysis.stops:stops",
     "stability": "analysis.stability:stability",
     "perceive": "pilot.orientation:perceive",
     "view": "show.view3d.viewer:view",
@@ -89,8 +91,8 @@ __all__ = [
     "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario", "bode",
     "compare", "design", "export", "fly", "identify", "judge", "learn", "learn_update", "linear",
     "load", "load_robot", "loop", "perceive", "plan", "plots", "plots_motion", "plots_pilot",
-    "register_controller", "replay", "save", "simulate", "stability", "step", "track", "tune",
-    "view",
+    "register_controller", "replay", "save", "simulate", "stability", "step", "stops", "track",
+    "tune", "view",
 ]  # fmt: skip
 
 

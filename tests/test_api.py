@@ -170,7 +170,7 @@ def test_every_argument_refuses_an_odd_object(short, run, tmp_path, monkeypatch)
         "learn_update": ["state", ["r.csv"]],
         "register_controller": ["own", object],
         **{x: [short] for x in ("loop", "simulate", "tune", "bode", "learn", "linear", "view")},
-        "step": [short], "stability": [short],
+        "step": [short], "stability": [short], "stops": [short],
     }  # fmt: skip
     objects = {x: getattr(sdt, x) for x in sdt.__all__}
     functions = {x for x, y in objects.items() if callable(y) and not isinstance(y, type)}

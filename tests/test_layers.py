@@ -16,6 +16,7 @@ HIGHER = {
     ("analysis/frequency_response.py", "show.figures.runs:bode"),
     ("analysis/loop_step.py", "show.figures.runs:loop_step"),
     ("analysis/stability.py", "show.figures.runs:stability"),
+    ("analysis/stops.py", "show.figures.stops:stops_figure"),
     ("pilot/orientation.py", "show.figures.pilot:percept"),
     ("machine/replay.py", "show.figures.replay:replay_figure"),
     ("motion/plan.py", "show.figures.motions:plan"),

@@ -21,6 +21,7 @@ SHIPPED = {
     "robot": "*.sdf",
     "motors": "motors*.yaml",
     "drives": "drives*.yaml",
+    "stops": "stops*.yaml",
     "perception model": "perception/*.yaml",
     "flight": "flights/*.csv",
     "columns of a flight": "flights/*.yaml",

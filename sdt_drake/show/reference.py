@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from sdt_drake.analysis.stopping import Stopping
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.schema import Part, json_schema, parts
@@ -33,6 +34,7 @@ FILES: Mapping[str, type] = {
     "motion": MotionProfile,
     "motors": Catalogue,
     "drives": Drives,
+    "stops": Stopping,
     "perception": PerceptionModel,
     "study": Study,
     "sizing": Sizing,
@@ -151,6 +153,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "robot": partial(_written, "robot"),
     "motors": partial(_fields, "motors", "Motors"),
     "drives": partial(_fields, "drives", "Drives"),
+    "stops": partial(_fields, "stops", "Emergency stops"),
     "perception": partial(_fields, "perception", "Perception models"),
     "study": partial(_fields, "study", "Studies"),
     "sizing": partial(_fields, "sizing", "Sizings"),
