@@ -16,14 +16,7 @@ import numpy as np
 import yaml  # a dependency of Drake
 
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.paper.published import (
-    FIGURE4,
-    JOINT2_PI_MAX_ERROR,
-    OMEGA_0_OVER_OMEGA_N,
-    OMEGA_R,
-    TABLE1,
-    table1,
-)
+from sdt_drake.paper import published as paper
 from sdt_drake.paper.reproduction import Reproduction, table1_rows
 from sdt_drake.systems.gains import natural_frequency, oscillation_frequency
 
@@ -136,7 +129,7 @@ def agrees_as_printed(computed: float, printed: str) -> bool:
 def _figure4(results: Reproduction) -> Iterator[_Found]:
     half_digit = {"rise_time": 5e-4, "settling_time": 5e-3, "overshoot_percent": 0.01}
     for structure, step in results.steps.items():
-        published = FIGURE4[structure]
+        published = paper.FIGURE4[structure]
         computed = {name: float(getattr(step.metrics, name)) for name in published}
         holds = all(
             abs(computed[name] - value) <= max(STEP_TOLERANCE * value, half_digit[name])
@@ -149,11 +142,11 @@ def _table1(results: Reproduction) -> Iterator[_Found]:
     rows = table1_rows(results.design)
     for key in ("i_eff_max", "kp", "ki", "zeta_max", "zeta_median", "zeta_min"):
         computed = [row[key] for row in rows]
-        agree = list(map(agrees_as_printed, computed, TABLE1[key]))
+        agree = list(map(agrees_as_printed, computed, paper.TABLE1[key]))
         agreeing = ", ".join(str(k + 1) for k in np.flatnonzero(agree))
-        published = table1(key)
+        published = paper.table1(key)
         yield _Found(f"table1_{key}", computed, all(agree), published, {"agreeing": agreeing})
-    for row, printed in zip(rows, TABLE1["variation_percent"], strict=True):
+    for row, printed in zip(rows, paper.TABLE1["variation_percent"], strict=True):
         variation = row["variation_percent"]
         holds = agrees_as_printed(variation, printed)
         yield _Found(f"variation_joint_{row['joint']}", variation, holds, float(printed))
@@ -163,9 +156,9 @@ def _frequencies(results: Reproduction) -> Iterator[_Found]:
     gains, inertia = results.design.tuning.gains, results.design.tuning.inertia
     at_max = inertia.maximum
     ratio = oscillation_frequency(gains, at_max)[0] / natural_frequency(gains, at_max)[0]
-    printed = OMEGA_0_OVER_OMEGA_N
+    printed = paper.OMEGA_0_OVER_OMEGA_N
     yield _Found("omega_0k", float(ratio), agrees_as_printed(ratio, printed), float(printed))
-    highest = natural_frequency(gains, inertia.minimum) / OMEGA_R
+    highest = natural_frequency(gains, inertia.minimum) / paper.OMEGA_R
     holds = bool(np.all(highest <= 0.5 * (1 + 1e-9)))
     yield _Found("bandwidth_rule", highest.tolist(), holds)
 
@@ -226,7 +219,7 @@ def _tracking(results: Reproduction) -> Iterator[_Found]:
 
 
 def _inertia(results: Reproduction) -> Iterator[_Found]:
-    for process, published in JOINT2_PI_MAX_ERROR.items():
+    for process, published in paper.JOINT2_PI_MAX_ERROR.items():
         computed = _joint_2(results.axis("pi", process=process))
         holds = abs(computed / published - 1) < 0.02
         yield _Found(f"joint2_pi_error_{process}", computed, holds, published)

@@ -14,6 +14,7 @@ import numpy as np
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
+from sdt_drake.paper import tables
 from sdt_drake.paper.claims import (
     BEYOND,
     BY_CONSTRUCTION,
@@ -22,17 +23,6 @@ from sdt_drake.paper.claims import (
     OF_THE_PAPER,
     REPRODUCED,
     VERDICTS,
-)
-from sdt_drake.paper.tables import (
-    RUN,
-    Json,
-    felt_table,
-    inertia_table,
-    label_cells,
-    run_cells,
-    runs_table,
-    steps_table,
-    value_table,
 )
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.pilot.reported import LEGEND, Judged, verdict_of_all
@@ -57,12 +47,12 @@ LOOKS = {
 """The class of page.css and the sign of each verdict; colour is never the only difference."""
 
 
-def count_verdicts(claims: Sequence[Json]) -> dict[str, int]:
+def count_verdicts(claims: Sequence[tables.Json]) -> dict[str, int]:
     """Count the claims of summary.json by verdict."""
     return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
 
 
-def claims_in_words(claims: Sequence[Json]) -> str:
+def claims_in_words(claims: Sequence[tables.Json]) -> str:
     """Return a sentence for each kind of claim of summary.json, with its verdicts."""
     sentences = []
     for kind, text in _KINDS.items():
@@ -124,7 +114,7 @@ def _advice(folder: Path) -> Iterator[None]:
     raise InputError(f"{message}; recompute the paper into {folder} first")
 
 
-def _read_summary(path: Path) -> Json:
+def _read_summary(path: Path) -> tables.Json:
     if not path.exists():
         raise InputError(f"{path}: is missing")
 
@@ -137,7 +127,7 @@ def _read_summary(path: Path) -> Json:
         raise InputError(f"{path}: is not JSON") from None
 
 
-def _numbers(summary: Json) -> dict[str, object]:
+def _numbers(summary: tables.Json) -> dict[str, object]:
     """Return the numbers in the report's sentences."""
     runs = {
         (run["algorithm"], run["controller"]): run
@@ -174,7 +164,7 @@ def _numbers(summary: Json) -> dict[str, object]:
     return numbers
 
 
-def _reported(summary: Json) -> list[Judged]:
+def _reported(summary: tables.Json) -> list[Judged]:
     """Read people's reports of motions; null in the summary becomes NaN."""
 
     def read(entry: dict[str, Any]) -> Any:
@@ -183,13 +173,13 @@ def _reported(summary: Json) -> list[Judged]:
     return [Judged(**read(entry)) for entry in summary["reported"]]
 
 
-def findings(summary: Json) -> list[Marked]:
+def findings(summary: tables.Json) -> list[Marked]:
     """Return the most important results of summary.json as sentences."""
     text = read_text(TEXTS / "findings.md", _MAX_FILE_BYTES)
     return list(map(Marked, said(text, **_numbers(summary)).splitlines()))
 
 
-def _worst(felt: Json, channels: slice) -> str:
+def _worst(felt: tables.Json, channels: slice) -> str:
     multiple, name = max(zip(felt["largest"][channels], felt["channels"][channels], strict=True))
     return f"{multiple:.2f} ({name})"
 
@@ -197,15 +187,15 @@ def _worst(felt: Json, channels: slice) -> str:
 # --- sections --------------------------------------------------------------------------------
 
 
-def _values(summary: Json, *, has_device: bool) -> dict[str, Any]:
+def _values(summary: tables.Json, *, has_device: bool) -> dict[str, Any]:
     """Return the numbers, tables and texts of the report by name."""
     claims, runs, beyond = (summary[name] for name in ("claims", "tracking", "beyond"))
-    reported, labels = _reported(summary), list(map(label_cells, beyond))
+    reported, labels = _reported(summary), list(map(tables.label_cells, beyond))
     shares = [{**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
               for e in beyond]  # fmt: skip
     times = {**summary["wall_time_s"], "sum of the stages": sum(summary["wall_time_s"].values())}
     turn = "The reference motion in 3D; drag to turn the view."
-    cells = list(map(run_cells, runs))
+    cells = list(map(tables.run_cells, runs))
     return {
         **_numbers(summary), **summary["versions"],
         "findings": bullets(findings(summary)), "counted": claims_in_words(claims),
@@ -214,14 +204,17 @@ def _values(summary: Json, *, has_device: bool) -> dict[str, Any]:
         ),
         "device": [turn, Page(RECORDING, "Load the 3D recording")] if has_device else [],
         "claims": list(map(_claim, claims)),
-        "table1": inertia_table(summary["table1"]), "steps": steps_table(summary["step_response"]),
-        "run_speeds": runs_table(RUN, cells, runs, _SPEEDS),
-        "run_positions": runs_table(RUN, cells, runs, (_POSITION, "saturated_fraction")),
-        "speeds": runs_table(["controller"], labels, beyond, _SPEEDS),
-        "positions": runs_table(
+        "table1": tables.inertia_table(summary["table1"]),
+        "steps": tables.steps_table(summary["step_response"]),
+        "run_speeds": tables.runs_table(tables.RUN, cells, runs, _SPEEDS),
+        "run_positions": tables.runs_table(
+            tables.RUN, cells, runs, (_POSITION, "saturated_fraction")
+        ),
+        "speeds": tables.runs_table(["controller"], labels, beyond, _SPEEDS),
+        "positions": tables.runs_table(
             ["controller"], labels, shares, (_POSITION, "rms_torque_share", "peak_torque_share")
         ),
-        "felt": felt_table(beyond), "verdict": verdict_of_all(reported), "caution": CAUTION,
+        "felt": tables.felt_table(beyond), "verdict": verdict_of_all(reported), "caution": CAUTION,
         "reported": reported_table(reported), "reports": bullets(reported_notes(reported)),
         "legend": LEGEND,
         "needs": Table(
@@ -237,13 +230,13 @@ _SPEEDS = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
 _POSITION = "max_abs_position_error"
 
 
-def _claim(claim: Json) -> Box:
+def _claim(claim: tables.Json) -> Box:
     verdict, place = claim["verdict"], claim.get("place", "")
     blocks = [
         said("{} **{}** {:code}", LOOKS[verdict][1], verdict, claim["id"]),
         said("### {}", claim["statement"]),
         *([place] if place else []),
-        value_table(claim),
+        tables.value_table(claim),
         claim["why"],
     ]
     return Box("article", blocks, f' class="claim" data-verdict="{verdict}"')

@@ -19,19 +19,7 @@ from xml.etree import ElementTree
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, write_text
 from sdt_drake.io.shown import formatted
-from sdt_drake.show.sections import (
-    TEMPLATES,
-    Block,
-    Box,
-    Marked,
-    Page,
-    Picture,
-    Section,
-    Table,
-    joined,
-    marked,
-    said,
-)
+from sdt_drake.show import sections as doc
 
 if TYPE_CHECKING:  # only commands that write a report need these
     from jinja2 import Environment
@@ -50,17 +38,17 @@ class Report:
     """A report: title, answer and sections."""
 
     title: str
-    lead: Sequence[Block]
+    lead: Sequence[doc.Block]
     """The answer, above all sections."""
-    sections: Sequence[Section]
+    sections: Sequence[doc.Section]
     symbols: bool = field(default=False, kw_only=True)
     """Set K_PS and tau_LD as in equations. Off where users' names may have this form."""
 
     def markdown(self) -> str:
         """Return the report as Markdown."""
-        parts = [f"# {marked(self.title)}", *map(_markdown, self.lead)]
+        parts = [f"# {doc.marked(self.title)}", *map(_markdown, self.lead)]
         for section in self.sections:
-            parts += [f"## {marked(section.title)}", *map(_markdown, section.blocks)]
+            parts += [f"## {doc.marked(section.title)}", *map(_markdown, section.blocks)]
         return "\n\n".join(parts) + "\n"
 
     def page(self, folder: Path) -> str:
@@ -77,9 +65,9 @@ class Report:
     def write_parts(self, folder: Path) -> None:
         """Write the pictures and pages that Markdown shows into a folder."""
         for block in _within([*self.lead, *(x for s in self.sections for x in s.blocks)]):
-            if isinstance(block, Page) and block.text is not None:
+            if isinstance(block, doc.Page) and block.text is not None:
                 write_text(folder / block.name, block.text)
-            elif isinstance(block, Picture) and block.content is not None:
+            elif isinstance(block, doc.Picture) and block.content is not None:
                 _save(block.content, folder / block.name)
 
     def write(self, folder: Path) -> Path:
@@ -95,7 +83,7 @@ class Report:
 
 
 def written(
-    name: str, values: Mapping[str, Any], folder: Path = TEMPLATES / "reports", **options: bool
+    name: str, values: Mapping[str, Any], folder: Path = doc.TEMPLATES / "reports", **options: bool
 ) -> Report:
     """Make the report that name.md in a folder of the package contains.
 
@@ -111,31 +99,31 @@ def written(
         folder: folder of the Markdown file.
         options: options of `Report`.
     """
-    chapters: list[tuple[str, list[Block]]] = []
+    chapters: list[tuple[str, list[doc.Block]]] = []
     for text in (folder / f"{name}.md").read_text("utf-8").rstrip().split("\n\n"):
         found: Any = None
         if heading := re.fullmatch("##? (.+)", text):
-            chapters.append((said(heading[1], **values), []))
+            chapters.append((doc.said(heading[1], **values), []))
         elif block := re.fullmatch(r"\{(\w+)\}", text):
             found = values[block[1]]
         elif shown := re.fullmatch(r"!\[(.+)\]\((.+)\)", text):
             file = shown[2].format(**values)
             content = values.get(file, file)
             if content:
-                caption = said(shown[1], **values)
-                found = Picture(file, caption, None if content == file else content)
+                caption = doc.said(shown[1], **values)
+                found = doc.Picture(file, caption, None if content == file else content)
         else:
-            found = said(text, **values)
+            found = doc.said(text, **values)
         chapters[-1][1].extend(found if isinstance(found, list) else [found] * bool(found))
     (title, lead), *sections = chapters
-    return Report(title, lead, [Section(*one) for one in sections if one[1]], **options)
+    return Report(title, lead, [doc.Section(*one) for one in sections if one[1]], **options)
 
 
-def _within(blocks: Iterable[Block]) -> Iterator[Block]:
+def _within(blocks: Iterable[doc.Block]) -> Iterator[doc.Block]:
     """List blocks, with those within boxes."""
     for block in blocks:
         yield block
-        if isinstance(block, Box):
+        if isinstance(block, doc.Box):
             yield from _within(block.blocks)
 
 
@@ -149,28 +137,28 @@ def _save(content: Figure | Plots, path: Path) -> None:
         save_both(content, path)
 
 
-def _markdown(block: Block) -> str:
+def _markdown(block: doc.Block) -> str:
     match block:
-        case Table(header, rows, title):
-            rule = Marked(" | ".join("---:" if x else "---" for x in block.is_numeric()))
-            cells = [joined(header, " | "), rule, *(joined(row, " | ") for row in rows)]
+        case doc.Table(header, rows, title):
+            rule = doc.Marked(" | ".join("---:" if x else "---" for x in block.is_numeric()))
+            cells = [doc.joined(header, " | "), rule, *(doc.joined(row, " | ") for row in rows)]
             lines = "\n".join(f"| {row} |" for row in cells)
-            return f"### {marked(title)}\n\n{lines}" if title else lines
-        case Picture(name, caption):
-            return f"![{marked(caption)}]({quote(name)})"
-        case Page(name, button):
-            return f"[{marked(button)}]({quote(name)})"
-        case Box(tag, blocks, attributes, head):
+            return f"### {doc.marked(title)}\n\n{lines}" if title else lines
+        case doc.Picture(name, caption):
+            return f"![{doc.marked(caption)}]({quote(name)})"
+        case doc.Page(name, button):
+            return f"[{doc.marked(button)}]({quote(name)})"
+        case doc.Box(tag, blocks, attributes, head):
             inner = map(_markdown, blocks)
             return "\n\n".join([f"<{tag}{attributes}>{head}", *inner, f"</{tag}>"])
         case _:
-            return marked(block)
+            return doc.marked(block)
 
 
 # --- pages -----------------------------------------------------------------------------------
 
 
-def html_of(blocks: Iterable[Block]) -> _Html:
+def html_of(blocks: Iterable[doc.Block]) -> _Html:
     """Return texts and tables as HTML, for a template."""
     return _Html(_Page(Path(), symbols=False).blocks(blocks))
 
@@ -224,32 +212,32 @@ class _Page:
             has_plots='<div class="plots">' in main,
         )
 
-    def blocks(self, blocks: Iterable[Block]) -> str:
+    def blocks(self, blocks: Iterable[doc.Block]) -> str:
         return "".join(map(self.block, blocks))
 
-    def block(self, block: Block) -> str:
+    def block(self, block: doc.Block) -> str:
         match block:
-            case Table():
+            case doc.Table():
                 return self._table(block)
-            case Picture(name, caption, content):
+            case doc.Picture(name, caption, content):
                 caption = self.inline(caption)
                 if data := getattr(content, "data", None):
                     return _part("plots", caption=_Html(caption), data=data())
                 svg = read_svg((self.folder / name).with_suffix(".svg"))
                 drawn, alt = base64.b64encode(svg.encode()).decode(), _Html(_TAG.sub("", caption))
                 return _part("figure", caption=_Html(caption), alt=alt, data=drawn)
-            case Page(name, button, text):
+            case doc.Page(name, button, text):
                 text = read_text(self.folder / name, _MAX_FILE_BYTES) if text is None else text
                 return _part("embedded", button=_Html(self.inline(button)), text=text)
-            case Box(tag, blocks, attributes, head):
+            case doc.Box(tag, blocks, attributes, head):
                 return f"<{tag}{attributes}>{head}\n{self.blocks(blocks)}</{tag}>\n"
             case _:
-                return self.parser.render(marked(block))
+                return self.parser.render(doc.marked(block))
 
     def inline(self, text: str) -> str:
-        return self.parser.renderInline(marked(text))
+        return self.parser.renderInline(doc.marked(text))
 
-    def _table(self, table: Table) -> str:
+    def _table(self, table: doc.Table) -> str:
         styles = [' style="text-align:right"' if right else "" for right in table.is_numeric()]
         head = [
             f"<th{look}>{self.inline(x)}</th>" for x, look in zip(table.header, styles, strict=True)
@@ -311,7 +299,7 @@ def _part(name: str, **values: Any) -> str:
 
 
 def _own(name: str) -> str:
-    return (TEMPLATES / name).read_text("utf-8")
+    return (doc.TEMPLATES / name).read_text("utf-8")
 
 
 @cache
@@ -319,7 +307,7 @@ def _environment() -> Environment:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
+        loader=FileSystemLoader(doc.TEMPLATES),
         undefined=StrictUndefined,
         autoescape=True,
         trim_blocks=True,

@@ -24,23 +24,12 @@ from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.run.controllers import option_names
 from sdt_drake.run.design import Design
 from sdt_drake.run.recording import Recording
+from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import Report, written
 from sdt_drake.show.figures.pilot import felt_panels
 from sdt_drake.show.figures.scope import joint_panels, torque_over_speed
 from sdt_drake.show.panels import MAX_SAMPLES, Plots
 from sdt_drake.show.reports.run_answer import answer
-from sdt_drake.show.sections import (
-    Block,
-    Marked,
-    Picture,
-    Table,
-    bullets,
-    code,
-    details,
-    fenced,
-    joined,
-    said,
-)
 from sdt_drake.show.style import joint_title
 from sdt_drake.show.view3d.scene import FELT_MODEL
 from sdt_drake.show.view3d.viewer import played
@@ -87,7 +76,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         **answer(run, response),
         "name": name, "title": scenario.summary().title, "robot": robot.name,
         "motion": Path(scenario.motion).stem, "duration": design.reference.planned.duration,
-        "what": Table(["", ""], list(_what(design))), "gains": _gains(design),
+        "what": doc.Table(["", ""], list(_what(design))), "gains": _gains(design),
         "loops": _loops(design, response),
         "tracking": _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked]),
         "shown": shown, "over_time": list(_over_time(run, joints, name)),
@@ -98,8 +87,8 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
             f"{name}_3d.html", "The run in 3D; drag to turn the view.", robot, recording.time,
             recording.q, title=scenario.name, story=story,
         ),
-        "scenario": details("The scenario, every field of it, as YAML", fenced(yaml)),
-        "versions": Table(["", "version"], list(versions().items())),
+        "scenario": doc.details("The scenario, every field of it, as YAML", doc.fenced(yaml)),
+        "versions": doc.Table(["", "version"], list(versions().items())),
     })  # fmt: skip
 
 
@@ -111,12 +100,12 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
     scenario, wanted = design.scenario, design.reference.planned
     choice, plant, drive = scenario.controller, scenario.plant, scenario.drive
     robot = design.device.simulated
-    file, motion = code(Path(scenario.robot).name), code(Path(scenario.motion).name)
-    yield "robot", said("{}, {} ({})", robot.name, joint_count(robot.n), file)
+    file, motion = doc.code(Path(scenario.robot).name), doc.code(Path(scenario.motion).name)
+    yield "robot", doc.said("{}, {} ({})", robot.name, joint_count(robot.n), file)
     learned = "" if design.reference.tracked is wanted else "; the reference is learned"
-    yield "motion", said("{}, {:g} s at {:g} s{}", motion, wanted.duration, wanted.period, learned)
-    controller = design.scenario.controller.in_words(design)
-    yield "controller", said("{:code}: {}", choice.label, controller)
+    times = wanted.duration, wanted.period
+    yield "motion", doc.said("{}, {:g} s at {:g} s{}", motion, *times, learned)
+    yield "controller", doc.said("{:code}: {}", choice.label, choice.in_words(design))
     gain = f" times {list(choice.feedforward_gain)}" if choice.feedforward_gain else ""
     yield (
         "torque feedforward",
@@ -162,7 +151,7 @@ def _those(default: str, *clauses: tuple[str, object]) -> str:
     return "; ".join(text for text, holds in clauses if holds) or default
 
 
-def _gains(design: Design) -> Table:
+def _gains(design: Design) -> doc.Table:
     columns = [
         ("effective inertia [kg m²]", ".4g", design.tuning.inertia.maximum),
         ("K_PS [N m s/rad]", ".6g", design.tuning.gains.kp),
@@ -180,29 +169,29 @@ def _gains(design: Design) -> Table:
 
 def _table(
     design: Design, columns: Sequence[tuple[str, str, NDArray[Any]]], title: str = ""
-) -> Table:
+) -> doc.Table:
     """Make a table with a row for each joint; columns as in `by_joint`."""
-    return Table(*by_joint(design.device.simulated.joint_names, columns), title)
+    return doc.Table(*by_joint(design.device.simulated.joint_names, columns), title)
 
 
-def _loops(design: Design, response: FrequencyResponse | str) -> list[Block]:
+def _loops(design: Design, response: FrequencyResponse | str) -> list[doc.Block]:
     """Return the linear analysis, or why there is none."""
     if isinstance(response, str):
-        return [said("There is no linear analysis: {}.", response)]
-    more = joined((said("{}.", x.capitalize()) for x in left_out(design, response)), " ")
-    note = said(
+        return [doc.said("There is no linear analysis: {}.", response)]
+    more = doc.joined((doc.said("{}.", x.capitalize()) for x in left_out(design, response)), " ")
+    note = doc.said(
         "> Link speed over its reference, without feedforward; the loop is cut at {}, all others "
         "are closed. The gain of a joint may rise by its gain margin before the loop becomes "
         "unstable. Each joint is at rest where its inertia is largest. {}",
         response.cut, more,
     )  # fmt: skip
-    return [_table(design, response.columns()), Marked(note.rstrip())]
+    return [_table(design, response.columns()), doc.Marked(note.rstrip())]
 
 
 # --- plots -----------------------------------------------------------------------------------
 
 
-def _over_time(run: Compared, joints: Sequence[int], name: str) -> Iterator[Block]:
+def _over_time(run: Compared, joints: Sequence[int], name: str) -> Iterator[doc.Block]:
     """Yield the plots of each joint over time."""
     panels = joint_panels(run.recording, run.design)
     for k in joints:
@@ -210,8 +199,8 @@ def _over_time(run: Compared, joints: Sequence[int], name: str) -> Iterator[Bloc
         caption = f"{title}: torques are motor side, all else joint side."
         if np.any(run.recording.saturated[:, k] > 0):
             caption += " On grey ground the motor gives less torque than commanded."
-        yield said("### {}", title)
-        yield Picture(f"{name}_joint_{k + 1}.png", caption, Plots([panels[k]]))
+        yield doc.said("### {}", title)
+        yield doc.Picture(f"{name}_joint_{k + 1}.png", caption, Plots([panels[k]]))
 
 
 def _over_speed(design: Design) -> str:
@@ -224,18 +213,18 @@ def _over_speed(design: Design) -> str:
     return caption
 
 
-def _pilot(run: Compared, story: Story, name: str) -> list[Block]:
+def _pilot(run: Compared, story: Story, name: str) -> list[doc.Block]:
     """Return the intended feeling of the motion, the predicted illusions, and plots by axis."""
     blocks, predicted = _predicted(run, story)
     if story.feels:
-        felt = said("To be felt: {}", story.feels)
-        blocks.insert(0, joined([felt, predicted], " ") if predicted else felt)
-    threshold = Marked(
+        felt = doc.said("To be felt: {}", story.feels)
+        blocks.insert(0, doc.joined([felt, predicted], " ") if predicted else felt)
+    threshold = doc.Marked(
         "> The last plot of each figure is the error over the threshold of attentive people in "
         "silence and darkness. Below 1 nobody feels it; above, some may."
     )
     pictures = [
-        Picture(
+        doc.Picture(
             f"{name}_pilot_{turn}.png",
             f"{push.capitalize()} force and {turn} of the head, in its own axes.",
             Plots([panels]),
@@ -245,7 +234,7 @@ def _pilot(run: Compared, story: Story, name: str) -> list[Block]:
     return [*blocks, CAUTION, threshold, *pictures]
 
 
-def _predicted(run: Compared, story: Story) -> tuple[list[Block], str]:
+def _predicted(run: Compared, story: Story) -> tuple[list[doc.Block], str]:
     """Return the predicted illusions, and if the intended one is predicted."""
     design, head = run.design, run.head.achieved
     try:
@@ -256,7 +245,7 @@ def _predicted(run: Compared, story: Story) -> tuple[list[Block], str]:
             meant = intended(design.scenario.name, story.illusion, head, {FELT_MODEL: felt})
             sentence = meant.sentence(FELT_MODEL)
     except InputError as error:
-        return [said("There is no prediction of what is felt: {}.", error)], ""
+        return [doc.said("There is no prediction of what is felt: {}.", error)], ""
     if not found:
-        return [said("{:code} predicts no illusion.", FELT_MODEL)], sentence
-    return [said("Illusions that {:code} predicts:", FELT_MODEL), bullets(found)], sentence
+        return [doc.said("{:code} predicts no illusion.", FELT_MODEL)], sentence
+    return [doc.said("Illusions that {:code} predicts:", FELT_MODEL), doc.bullets(found)], sentence

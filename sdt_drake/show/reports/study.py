@@ -14,41 +14,13 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import listed
+from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import REPORT, Report, written
 from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.show.figures import studies as plots
-from sdt_drake.show.reports.study_tables import (
-    percent_of,
-    percentile_table,
-    sensitivity_tables,
-    shares_of,
-    status_table,
-    worst_table,
-)
-from sdt_drake.show.sections import (
-    Block,
-    Box,
-    Marked,
-    Picture,
-    Section,
-    Table,
-    bullets,
-    capital,
-    code,
-    details,
-    joined,
-    said,
-    tiles,
-)
+from sdt_drake.show.reports import study_tables
+from sdt_drake.studies import summary
 from sdt_drake.studies.results import read_study_table
-from sdt_drake.studies.summary import (
-    Share,
-    count_statuses,
-    failures,
-    percentiles,
-    usable,
-    varied,
-)
 from sdt_drake.studies.table import StudyTable
 
 COST, ERROR = "peak_torque_share", "max_abs_speed_error"
@@ -65,7 +37,7 @@ _LOOKS = {"ok": "good", "infeasible": "open"}  # classes of page.css; other stat
 _MIN_SHARE = 0.05  # of the variance; a smaller share is no finding
 
 
-def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, list[Table]]:
+def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, list[doc.Table]]:
     """Write the figures and report.html of a study; each file is replaced whole.
 
     Args:
@@ -84,29 +56,31 @@ def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, lis
     return write_text(place / REPORT, report.page(place)), tables
 
 
-def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[Table]]:
+def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[doc.Table]]:
     """Return the report of a study, and its tables without those of each joint.
 
     Args:
         table: the table of the study.
         folder: the folder of the study, for the command that repeats a run.
     """
-    families, status = headlines(table), status_table(table)
+    families, status = headlines(table), study_tables.status_table(table)
     figures = study_figures(table)
-    percentile_tables = [percentile_table(table, [family]) for family in families]
-    worst = [worst_table(table, family) for family in families]
-    shares = sensitivity_tables(table, families)
+    percentile_tables = [study_tables.percentile_table(table, [family]) for family in families]
+    worst = [study_tables.worst_table(table, family) for family in families]
+    shares = study_tables.sensitivity_tables(table, families)
     report = written("study", {
         **{f"{name}.png": figures.get(name) for name in FIGURES},
         "name": table.name, "summary": study_summary(table), "status": status,
         "of_ok": _OF_OK if families else "", "percentiles": percentile_tables,
-        "by_joint": _by_joint(table, lambda names: [percentile_table(table, names)]),
-        "worst": worst, "repeat": families and said(
+        "by_joint": _by_joint(table, lambda names: [study_tables.percentile_table(table, names)]),
+        "worst": worst, "repeat": families and doc.said(
             "Repeat a run exactly: {:code}",
             f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
         ),
         "explained": _EXPLAINED if shares else "", "shares": shares,
-        "shares_by_joint": _by_joint(table, partial(sensitivity_tables, table)) if shares else [],
+        "shares_by_joint": shares and _by_joint(
+            table, partial(study_tables.sensitivity_tables, table)
+        ),
     })  # fmt: skip
     return report, [status, *percentile_tables, *worst, *shares]
 
@@ -120,7 +94,7 @@ _EXPLAINED = (
 )
 
 
-def study_chapter(folder: Path) -> Section:
+def study_chapter(folder: Path) -> doc.Section:
     """Return the section on a study for a report in the folder above.
 
     Raises:
@@ -132,14 +106,14 @@ def study_chapter(folder: Path) -> Section:
         replace(block, name=f"{folder.name}/{block.name}")
         for section in others
         for block in section.blocks
-        if isinstance(block, Picture) and block.name != "scatter.png"
+        if isinstance(block, doc.Picture) and block.name != "scatter.png"
     ]
-    return Section(report.title, [*summary.blocks, *status.blocks, *figures])
+    return doc.Section(report.title, [*summary.blocks, *status.blocks, *figures])
 
 
 def families_there(table: StudyTable) -> list[str]:
     """Return the families of outcomes that at least one run has."""
-    return [family for family in table.families if usable(table, family).any()]
+    return [family for family in table.families if summary.usable(table, family).any()]
 
 
 def headlines(table: StudyTable) -> list[str]:
@@ -174,34 +148,33 @@ def study_figures(table: StudyTable) -> dict[str, Figure]:
 # --- in short --------------------------------------------------------------------------------
 
 
-def study_summary(table: StudyTable) -> list[Block]:
+def study_summary(table: StudyTable) -> list[doc.Block]:
     """Return the failures, findings and counts of a study."""
-    blocks: list[Block] = []
-    if failed := failures(table):
-        blocks.append(Box("div", [f"{capital(failed)}."], ' class="bad"'))
+    blocks: list[doc.Block] = []
+    if failed := summary.failures(table):
+        blocks.append(doc.Box("div", [f"{doc.capital(failed)}."], ' class="bad"'))
     found = [finding(table, family) for family in headlines(table)]
     if found:
-        blocks.append(bullets(text for text, _ in found))
+        blocks.append(doc.bullets(text for text, _ in found))
     if any(has_causes for _, has_causes in found):
         blocks.append(
-            Marked(
+            doc.Marked(
                 "> In brackets: share of the variance that the input explains alone, and its "
                 "standard error."
             )
         )
-    inputs = joined(map(code, varied(table)))
-    differ = said("that differ in {}", inputs) if inputs else "with equal inputs"
+    inputs = doc.joined(map(doc.code, summary.varied(table)))
+    differ = doc.said("that differ in {}", inputs) if inputs else "with equal inputs"
     time = _time(table.runs["duration"].sum())
     counts = [
         (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
-        for status, runs in count_statuses(table).items()
+        for status, runs in summary.count_statuses(table).items()
     ]
-    return [
-        *blocks, said("{} runs {}; {} of computation.", len(table), differ, time), tiles(counts)
-    ]  # fmt: skip
+    ran = doc.said("{} runs {}; {} of computation.", len(table), differ, time)
+    return [*blocks, ran, doc.tiles(counts)]
 
 
-def finding(table: StudyTable, family: str) -> tuple[Marked, bool]:
+def finding(table: StudyTable, family: str) -> tuple[doc.Marked, bool]:
     """Return the 95th percentile of an outcome and its main causes, and if it has causes.
 
     Args:
@@ -211,37 +184,41 @@ def finding(table: StudyTable, family: str) -> tuple[Marked, bool]:
     limits: list[str] = []
     causes: dict[str, list[str]] = {}
     for level, part in table.groups.items():
-        (value,) = metric_of(family).factor * percentiles(part, family, (95,))
+        (value,) = metric_of(family).factor * summary.percentiles(part, family, (95,))
         if np.isnan(value):
             continue
-        where = said(" with {:code}", level) if table.by else ""
-        limits.append(said("{:.3g}{}", value, where))
-        shares = shares_of(part, family)
-        name, share = next(iter(shares.items()), ("", Share(0, 0)))
+        where = doc.said(" with {:code}", level) if table.by else ""
+        limits.append(doc.said("{:.3g}{}", value, where))
+        shares = study_tables.shares_of(part, family)
+        name, share = next(iter(shares.items()), ("", summary.Share(0, 0)))
         if len(shares) > 1 and share.value > max(_MIN_SHARE, 2 * share.error):
-            causes.setdefault(name, []).append(said("{} %{}", percent_of(share), where))
-    text = said(
+            causes.setdefault(name, []).append(
+                doc.said("{} %{}", study_tables.percent_of(share), where)
+            )
+    text = doc.said(
         "**{}:** at most {} in 95 % of {}.",
-        capital(", ".join(filter(None, [metric_of(family).label, table.place(family)]))),
-        Marked(listed(limits)),
-        "the runs" if usable(table, family).all() else "the runs with a value",
+        doc.capital(", ".join(filter(None, [metric_of(family).label, table.place(family)]))),
+        doc.Marked(listed(limits)),
+        "the runs" if summary.usable(table, family).all() else "the runs with a value",
     )
     if not causes:
         return text, False
-    named = [said("{:code} ({})", name, joined(shares)) for name, shares in causes.items()]
-    return joined([text, said("It depends most on {}.", Marked(listed(named)))], " "), True
+    named = [doc.said("{:code} ({})", name, doc.joined(shares)) for name, shares in causes.items()]
+    return doc.joined(
+        [text, doc.said("It depends most on {}.", doc.Marked(listed(named)))], " "
+    ), True
 
 
-def _by_joint(table: StudyTable, tables: Callable[[list[str]], list[Table]]) -> list[Block]:
+def _by_joint(table: StudyTable, tables: Callable[[list[str]], list[doc.Table]]) -> list[doc.Block]:
     """Return folded tables of each family, for its worst joint and for each joint."""
     folded = [
-        details(
-            capital(metric_of(family).title),
+        doc.details(
+            doc.capital(metric_of(family).title),
             *tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
         )
         for family in families_there(table)
     ]
-    return [Marked("### All outcomes by joint"), *folded] if folded else []
+    return [doc.Marked("### All outcomes by joint"), *folded] if folded else []
 
 
 def _time(seconds: float) -> str:

@@ -9,28 +9,19 @@ import numpy as np
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.show.sections import Table
-from sdt_drake.studies.summary import (
-    PERCENTS,
-    Share,
-    count_statuses,
-    percentiles,
-    reasons,
-    sensitivity,
-    varied,
-    worst_runs,
-)
+from sdt_drake.studies import summary
 from sdt_drake.studies.table import StudyTable
 
-_UNKNOWN = Share(np.nan, np.nan)
+_UNKNOWN = summary.Share(np.nan, np.nan)
 _MAX_REASONS = 3  # of a status in a table
 
 
 def status_table(table: StudyTable) -> Table:
     """Make the table of runs by status, with the most frequent reasons."""
     rows = []
-    for status, runs in count_statuses(table).items():
+    for status, runs in summary.count_statuses(table).items():
         rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
-        for one in reasons(table, status).head(_MAX_REASONS).itertuples():
+        for one in summary.reasons(table, status).head(_MAX_REASONS).itertuples():
             rows.append(["", str(one.runs), "", str(one.row), one.reason])
     return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
 
@@ -47,8 +38,8 @@ def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
     for level, part in table.groups.items():
         for name in names:
             place = ", ".join(filter(None, [level, table.place(name)]))
-            rows.append([place, *map(cell, metric.factor * percentiles(part, name))])
-    header = [table.by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
+            rows.append([place, *map(cell, metric.factor * summary.percentiles(part, name))])
+    header = [table.by or "", *(f"{percent} %" for percent in summary.PERCENTS[:-1]), "largest"]
     return Table(header, rows, f"Percentiles: {metric.label}")
 
 
@@ -81,10 +72,10 @@ def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
         count: number of runs for each group.
     """
     metric, has_joints = metric_of(outcome), bool(table.joints(outcome))
-    inputs = sorted(varied(table), key=lambda name: name != table.by)
+    inputs = sorted(summary.varied(table), key=lambda name: name != table.by)
     rows = []
     for part in table.groups.values():
-        runs = worst_runs(part, outcome, count)
+        runs = summary.worst_runs(part, outcome, count)
         columns: list[Iterable[object]] = [runs.runs.index]
         if has_joints:
             columns.append(runs.worst_joint(outcome))
@@ -121,13 +112,15 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
     return tables
 
 
-def shares_of(table: StudyTable, outcome: str) -> dict[str, Share]:
+def shares_of(table: StudyTable, outcome: str) -> dict[str, summary.Share]:
     """Return the shares of `sensitivity` by input."""
-    found = sensitivity(table, outcome)
-    return dict(zip(found.index, map(Share._make, found.itertuples(index=False)), strict=True))
+    found = summary.sensitivity(table, outcome)
+    return dict(
+        zip(found.index, map(summary.Share._make, found.itertuples(index=False)), strict=True)
+    )
 
 
-def _sum(shares: Iterable[Share]) -> float:
+def _sum(shares: Iterable[summary.Share]) -> float:
     """Add shares, with negative estimates as 0; NaN without any."""
     known = [max(share.value, 0) for share in shares if np.isfinite(share.value)]
     return sum(known) if known else np.nan
@@ -139,7 +132,7 @@ def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
     return metric_of(name).title if len(titles) == len(names) else table.place(name)
 
 
-def percent_of(share: Share) -> str:
+def percent_of(share: summary.Share) -> str:
     """Format a share of the variance and its standard error [%]; a dash if it is unknown."""
     if np.isnan(share.value):
         return "–"

@@ -28,21 +28,7 @@ from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.show.documents import render_html
 from sdt_drake.show.sections import Block, Page, said
-from sdt_drake.show.view3d.scene import (
-    ARROW,
-    FELT,
-    FELT_MODEL,
-    FIELD_OF_VIEW,
-    FRAME_RATE,
-    METRES_PER_G,
-    PILOT_FIELD,
-    PILOT_NEAR,
-    TRACE,
-    WIDTH,
-    Frames,
-    Scene,
-    make_frames,
-)
+from sdt_drake.show.view3d import scene as scenes
 
 PAGES = (".html",)
 """Suffixes of pages."""
@@ -158,10 +144,10 @@ def recorded_page(
     if pilot:
         check_head(robot)
     story = story or Story()
-    frames = make_frames(robot, time, q)
+    frames = scenes.make_frames(robot, time, q)
     meshcat = open_meshcat()
-    scene = Scene(robot, frames, meshcat)
-    meshcat.StartRecording(FRAME_RATE, set_visualizations_while_recording=False)
+    scene = scenes.Scene(robot, frames, meshcat)
+    meshcat.StartRecording(scenes.FRAME_RATE, set_visualizations_while_recording=False)
     for k in range(len(frames.time)):
         scene.show(k, record=True)
     meshcat.StopRecording()
@@ -175,19 +161,19 @@ def recorded_page(
         data=_page_data(robot, frames, story),
         pilot=pilot,
         has_head=frames.head is not None,
-        metres=METRES_PER_G,
-        arrow=_css(ARROW),
-        trace=_css(TRACE),
-        felt=_css(FELT),
+        metres=scenes.METRES_PER_G,
+        arrow=_css(scenes.ARROW),
+        trace=_css(scenes.TRACE),
+        felt=_css(scenes.FELT),
         has_felt=frames.felt is not None,
-        felt_by=FELT_MODEL,
+        felt_by=scenes.FELT_MODEL,
         caution=CAUTION,
         eye=in_browser(scene.eye),
         target=in_browser(scene.target),
-        outside=FIELD_OF_VIEW,
-        width=WIDTH,
-        field=PILOT_FIELD,
-        near=PILOT_NEAR,
+        outside=scenes.FIELD_OF_VIEW,
+        width=scenes.WIDTH,
+        field=scenes.PILOT_FIELD,
+        near=scenes.PILOT_NEAR,
     )
     return page_with(meshcat, title, overlay)
 
@@ -219,10 +205,10 @@ def page_with(meshcat: Meshcat, title: str, overlay: str) -> str:
     return body + overlay + end + rest
 
 
-def _page_data(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
+def _page_data(robot: Robot, frames: scenes.Frames, story: Story) -> dict[str, object]:
     """Return the data of the page's script: angles [deg] and G of each picture, and segments."""
     return {
-        "rate": FRAME_RATE,
+        "rate": scenes.FRAME_RATE,
         "names": numbered(robot.joint_names),
         "angles": np.degrees(frames.q).round(1).tolist(),
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
@@ -231,7 +217,7 @@ def _page_data(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
     }
 
 
-def _attitudes(frames: Frames) -> list[list[float]]:
+def _attitudes(frames: scenes.Frames) -> list[list[float]]:
     """Return felt and true roll, then felt and true pitch, of each picture [deg]."""
     if frames.head is None or frames.felt is None:
         return []
@@ -241,12 +227,12 @@ def _attitudes(frames: Frames) -> list[list[float]]:
     return rows
 
 
-def _predicted(frames: Frames, story: Story) -> str:
+def _predicted(frames: scenes.Frames, story: Story) -> str:
     """Return if the intended illusion is predicted, as a sentence; "" without one."""
     if frames.head is None or frames.felt is None or story.illusion is None:
         return ""
-    felt = {FELT_MODEL: frames.felt}
-    return intended(story.title, story.illusion, frames.head, felt).sentence(FELT_MODEL)
+    felt = {scenes.FELT_MODEL: frames.felt}
+    return intended(story.title, story.illusion, frames.head, felt).sentence(scenes.FELT_MODEL)
 
 
 def in_browser(place: Array) -> str:
@@ -307,9 +293,9 @@ def play(
     """
     if pilot:
         check_head(robot)
-    frames = make_frames(robot, time, q)
+    frames = scenes.make_frames(robot, time, q)
     meshcat = open_meshcat(port)
-    scene = Scene(robot, frames, meshcat)
+    scene = scenes.Scene(robot, frames, meshcat)
     scene.overview()
     try:
         announce(meshcat.web_url())
@@ -321,12 +307,12 @@ def play(
         return
 
 
-def _run_once(scene: Scene, rate: float, pilot: bool) -> None:
+def _run_once(scene: scenes.Scene, rate: float, pilot: bool) -> None:
     """Show every picture at its time, without those that are already too late."""
     frames, start = scene.frames, clock.perf_counter()
     k, last = -1, len(scene.frames.time) - 1
     while k < last:
-        due = (clock.perf_counter() - start) * rate * FRAME_RATE
+        due = (clock.perf_counter() - start) * rate * scenes.FRAME_RATE
         k = int(min(max(k + 1, due), last))
         clock.sleep(max(0.0, frames.time[k] / rate - (clock.perf_counter() - start)))
         scene.show(k)
