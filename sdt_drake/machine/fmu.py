@@ -1,7 +1,5 @@
 """Export a scenario's loop as a functional mock-up unit (FMI 2, co-simulation)."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The code that an FMU runs. The script in each FMU derives its class from `LoopSlave`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The first files of your own robot: values from the robot's file, and assumed values."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

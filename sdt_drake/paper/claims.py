@@ -3,8 +3,6 @@
 Statements and reasons are in claims.yaml.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal

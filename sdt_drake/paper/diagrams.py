@@ -1,7 +1,5 @@
 """The block diagrams of the paper, drawn from simulated loops with online inverse dynamics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The files of `reproduce`: CSV, figures, block diagrams, summary.json and the report."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict

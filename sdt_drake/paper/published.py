@@ -4,8 +4,6 @@ Vidakovic, Kvrgic, et al., "Computed torque control for a spatial disorientation
 Universitatis, Series: Mechanical Engineering 18(2), 2020, doi 10.22190/FUME190919003V.
 """
 
-from __future__ import annotations
-
 OMEGA_R = 65.991
 """Lowest natural frequency of the structure [rad/s]: 10.5028 Hz, from CAE software (Section 4)."""
 

@@ -1,7 +1,5 @@
 """The report on the recomputed paper, made from summary.json and the figures beside it."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Sequence

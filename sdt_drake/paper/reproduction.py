@@ -1,7 +1,5 @@
 """Reproduction of the paper: Table 1, step responses, tracking runs."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future

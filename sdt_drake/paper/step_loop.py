@@ -1,7 +1,5 @@
 """A single linear speed loop with a step as its reference (Figure 4)."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource

@@ -1,7 +1,5 @@
 """Tables of the report on the recomputed paper."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any

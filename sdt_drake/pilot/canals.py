@@ -4,8 +4,6 @@ The model is linear, from the literature, without vision, expectation or velocit
 extends felt rotation from 5.7 s to 15-20 s; `sdt_drake.pilot.observer` has that.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

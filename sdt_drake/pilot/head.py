@@ -1,7 +1,5 @@
 """The motion of the pilot's head: specific force and angular velocity at the frame `head`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

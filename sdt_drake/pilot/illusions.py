@@ -3,8 +3,6 @@
 The file of a training motion names the illusion that it is intended to cause.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 The variability, with sources, is in pilots.yaml.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path

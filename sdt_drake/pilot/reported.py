@@ -3,8 +3,6 @@
 Motions, reports and sources are in reported.yaml.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial

@@ -14,8 +14,6 @@ The pilot has no second motion to compare with. A felt difference changes the se
 cannot recognise it as an error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

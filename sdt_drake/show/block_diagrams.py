@@ -1,7 +1,5 @@
 """Block diagrams of any Drake diagram as files: text in .dot, and pictures."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Panels of lines over a common axis, drawn as pictures or as interactive plots of a page."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The reference of all files: their fields and columns as Markdown, and JSON Schemas."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

@@ -1,7 +1,5 @@
 """Colours, axes, titles and legends of all figures, and their files and windows."""
 
-from __future__ import annotations
-
 import io
 import math
 import warnings

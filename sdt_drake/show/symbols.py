@@ -1,7 +1,5 @@
 """Symbols of this package's blocks in block diagrams."""
 
-from __future__ import annotations
-
 from pydrake.systems.framework import System
 
 from sdt_drake.show.diagrams import Symbols

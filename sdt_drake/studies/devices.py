@@ -1,7 +1,5 @@
 """Uncertain devices drawn from a study, combined with another design's controller and motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ The folder contains copies of all files that the study names. So the folder may 
 original files may be changed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

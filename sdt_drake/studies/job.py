@@ -1,7 +1,5 @@
 """A study with the contents of all its files, which a process on any machine can run."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The outcomes of a run: tracking errors of the joints, and loads of the motors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import zip_longest
 

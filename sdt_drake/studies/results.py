@@ -1,7 +1,5 @@
 """The rows of a study: as a table, and as a file for other programs."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Runs of a study: from the number of a row to its outcomes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 

@@ -3,8 +3,6 @@
 An alignment turns the device so that the head has the direction and size of the flight's force.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

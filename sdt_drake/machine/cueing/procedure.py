@@ -1,7 +1,5 @@
 """Search for a motion of a device near a flight in force and felt rotation: `fly`."""
 
-from __future__ import annotations
-
 import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence

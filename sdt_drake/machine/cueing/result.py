@@ -1,7 +1,5 @@
 """The result of a search: a motion near a flight, and other motions to compare."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Parts of a signal that columns explain, and parts that they leave."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,59 +1,47 @@
 """Finding: something that a recording shows, with its evidence in numbers and in a sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
-KINDS = {
-    # the recording alone
-    "uneven": "steps of time differ",
-    "rounded": "times were rounded, or taken on writing",
-    "missing": "samples are missing",
-    "held": "each value is repeated for several samples",
-    "repeated": "some samples repeat the one before",
-    "frozen": "a signal stands for a while",
-    "clipped": "a torque is cut off",
-    "degrees": "positions are in degrees",
-    "clock": "a second of the clock is none",
-    "speeds": "a speed is not the derivative of its position",
-    "late speeds": "speeds lag behind positions",
-    "at limit": "a motor is at its limit",
-    "beyond limit": "a torque is far beyond the limit of its motor",
-    # its columns and units, by the robot's links
-    "unit": "torques, or quantities of a flight, have another unit",
-    "columns": "columns, or axes of a flight, have another order, sign, zero or direction",
-    # what a fit leaves
-    "still": "a joint stands still",
-    "driving": "friction drives instead of braking",
-    "late torques": "torques lag behind positions",
-    "residual": "rigid links and friction do not explain a torque, and something does",
-    "held out": "held-out data are explained far worse than fitted data",
-    "inconsistent": "links that can exist explain a torque worse than free parameters",
-    "excitation": "the motion hardly excites some parameters",
-    # what a simulation of it leaves
-    "scenario": "a simulation with one change explains a recording better",
-    "controller": "the controller commands another torque than the recorded one",
-    # repeated trials of one motion
-    "noise": "the error that repeats is below the noise",
-    "converged": "the last trial hardly reduced the error",
-    "limited": "a limit shortens the step to the next trial",
-    "assumed": "the reference was not recorded, so one is assumed",
-    # how the file was read
-    "reading": "a part of the file was left out or changed",
-}
-"""Kinds of findings with their meanings."""
+Kind = Literal[
+    "uneven", "rounded", "missing", "held", "repeated", "frozen", "clipped", "degrees", "clock",
+    "speeds", "late speeds", "at limit", "beyond limit",
+    "unit", "columns",
+    "still", "driving", "late torques", "residual", "held out", "inconsistent", "excitation",
+    "scenario", "controller",
+    "noise", "converged", "limited", "assumed",
+    "reading",
+]  # fmt: skip
+"""Kind of a finding.
 
-SPOILING = {"rounded", "repeated", "frozen", "clipped", "degrees", "clock"}
-"""Kinds that must be corrected before other conclusions."""
+- A recording alone: steps of time differ (uneven), times were rounded or taken on writing
+  (rounded), samples are missing, each value is repeated for several samples (held), some samples
+  repeat the one before (repeated), a signal stands for a while (frozen), a torque is cut off
+  (clipped), positions are in degrees, a second of the clock is none (clock), a speed is not the
+  derivative of its position (speeds) or lags behind it (late speeds), a motor is at its limit, a
+  torque is far beyond it.
+- Its columns and units, by the robot's links: torques or quantities of a flight have another unit;
+  columns or axes have another order, sign, zero or direction (columns).
+- What a fit leaves: a joint stands still, friction drives instead of braking, torques lag behind
+  positions (late torques), rigid links and friction do not explain a torque, and something does
+  (residual), held-out data are explained far worse than fitted data, links that can exist explain a
+  torque worse than free parameters (inconsistent), the motion hardly excites some parameters.
+- What a simulation of it leaves: one change explains a recording better (scenario), the controller
+  commands another torque than the recorded one.
+- Repeated trials of one motion: the error that repeats is below the noise, the last trial hardly
+  reduced it (converged), a limit shortens the next step (limited), the reference was not recorded,
+  so one is assumed.
+- How the file was read: a part was left out or changed (reading).
+"""
 
 
 @dataclass(frozen=True)
 class Finding:
     """Something that a recording shows; `str` gives it in words."""
 
-    kind: str
-    """One of `KINDS`."""
+    kind: Kind
+    """Kind of the finding."""
     sentence: str
     """The finding as a sentence without its end."""
     joints: tuple[int, ...] = ()
@@ -68,7 +56,7 @@ class Finding:
     @property
     def spoils(self) -> bool:
         """True if the recording must be corrected before other conclusions."""
-        return self.kind in SPOILING
+        return self.kind in ("rounded", "repeated", "frozen", "clipped", "degrees", "clock")
 
     def __str__(self) -> str:
         text = f"{self.source}: {self.sentence}" if self.source else self.sentence

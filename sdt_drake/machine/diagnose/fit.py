@@ -1,7 +1,5 @@
 """Findings of a fit on its recordings: signs, friction, held-out data, excitation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

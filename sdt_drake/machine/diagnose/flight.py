@@ -1,7 +1,5 @@
 """Checks of a flight's recording: units and axes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -27,26 +25,22 @@ def _force(flight: Flight) -> Iterator[Finding]:
     along = int(np.argmax(np.abs(mean)))
     evidence = {"tenth_m_s2": low, "median_m_s2": usual, "mean_m_s2": float(mean[along])}
     if c.FORCES_IN_G[0] < usual < c.FORCES_IN_G[1] and low > 0.3 and size.max() < GRAVITY:
-        kind, text, remedy = "unit", f"its median force is {usual:.3g} m/s²: is it in g?", "g"
+        text = f"its median force is {usual:.3g} m/s²: is it in g?"
+        yield Finding("unit", text, (), evidence, "force_unit: g")
     elif low < c.LEAST_G * GRAVITY:
-        kind, remedy = "unit", ""
         text = f"its force is below {low:.3g} m/s² for a tenth of the time: was gravity subtracted?"
         text += " An accelerometer measures 9.81 m/s² at rest; add gravity"
+        yield Finding("unit", text, (), evidence)
     elif low > c.MOST_G * GRAVITY:
-        kind, remedy = "unit", "ft/s2"
         text = f"its force is above {low / GRAVITY:.3g} G for nine tenths of the time: is it in "
-        text += "ft/s²?"
+        yield Finding("unit", text + "ft/s²?", (), evidence, "force_unit: ft/s2")
     elif along != 2:
-        kind, remedy = "columns", ""
         text = f"its mean force is along {'xyz'[along]}, {mean[along]:.3g} m/s²: are the columns "
         text += "of force in another order? Expected: x forward, y left, z up"
+        yield Finding("columns", text, (), evidence)
     elif mean[2] < 0:
-        kind, remedy = "columns", "axes: frd"
         text = f"its mean force along z is {mean[2]:.3g} m/s²: is z down?"
-    else:
-        return
-    remedy = f"force_unit: {remedy}" if kind == "unit" and remedy else remedy
-    yield Finding(kind, text, evidence=evidence, remedy=remedy)
+        yield Finding("columns", text, (), evidence, "axes: frd")
 
 
 def _rate(flight: Flight) -> Iterator[Finding]:

@@ -7,8 +7,6 @@ ratio of the residuals (RMS, before over after), summed over the joints. The two
 The spread over blocks of time gives the standard error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -16,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array, Index, Mask
+from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.explained import (
     basis,
@@ -70,25 +68,6 @@ class Residuals(NamedTuple):
     """Parameters of the best links, shape (11 n,)."""
 
 
-class Better(NamedTuple):
-    """An alternative that explains torques better than the mapping.
-
-    Its total score is above MIN_SCORE. Its score with the best links is above MIN_FREE_SCORE, or
-    its score with the links of the file is above MIN_FILE_SCORE. The second test has the higher
-    limit because a file may be wrong. Beside a unit without a name, the links of the file do not
-    decide, but another order of the columns suffices that leaves as little as the unit.
-    """
-
-    reading: Reading
-    """The alternative meaning of the columns."""
-    score: float
-    """The total score."""
-    before: Residuals
-    """Residuals of the mapping as it is."""
-    after: Residuals
-    """Residuals of the alternative."""
-
-
 def misread(robot: Robot, eq: Equations) -> list[Finding]:
     """Return what speaks against the meaning of the columns and the robot's file.
 
@@ -99,40 +78,21 @@ def misread(robot: Robot, eq: Equations) -> list[Finding]:
     if unit and not unit.is_exact:
         better = better_readings(robot, eq, as_they_are, unit)
         if better:
-            return [_in_words(better)]
-    better = better_readings(robot, eq, unit.factor if unit else as_they_are)
+            return better
     found = [unit.finding] if unit else []
-    return [*found, _in_words(better)] if better else found
-
-
-def _in_words(better: Sequence[Better]) -> Finding:
-    """Return the finding of readings that explain the torques equally well."""
-    first = better[0]
-    left = {
-        "file": _rms(first.after.file), "file_before": _rms(first.before.file),
-        "any": _rms(first.after.free), "any_before": _rms(first.before.free),
-    }  # fmt: skip
-    gain = np.log(left["file_before"] / left["file"]) + np.log(left["any_before"] / left["any"])
-    k = int(gain.argmax())
-    evidence = {f"{name}_links": float(values[k]) for name, values in left.items()}
-    file, any_ = (
-        f"{100 * left[name][k]:.0f} % instead of {100 * left[f'{name}_before'][k]:.0f} %"
-        for name in ("file", "any")
-    )
-    readings = "; or ".join(one.reading.words for one in better)
-    text = f"torques are explained better by {readings}: tau_{k + 1} without friction is not "
-    text += f"explained by {file} with the file's links, by {any_} with the best links"
-    remedy = "; or ".join(one.reading.write for one in better if one.reading.write)
-    return Finding("columns", text, (k + 1,), evidence | {"score": first.score}, remedy)
+    return found + better_readings(robot, eq, unit.factor if unit else as_they_are)
 
 
 def better_readings(
     robot: Robot, eq: Equations, factor: Array, unnamed: Unit | None = None
-) -> list[Better]:
-    """Return the alternatives that explain the torques better than the mapping, the best first.
+) -> list[Finding]:
+    """Return the finding of the alternatives that explain the torques better than the mapping.
 
-    The list contains the best one and those that are nearly as good. It is empty if the mapping
-    explains the torques.
+    An alternative is better if its total score is above MIN_SCORE. Its score with the best links is
+    above MIN_FREE_SCORE, or its score with the links of the file is above MIN_FILE_SCORE. The
+    second test has the higher limit because a file may be wrong. Beside a unit without a name, the
+    links of the file do not decide, but another order of the columns suffices that leaves as little
+    as the unit. The finding tells the best one and those that are nearly as good.
 
     Args:
         robot: The robot of the file.
@@ -140,15 +100,19 @@ def better_readings(
         factor: Factors from each torque to N m, joint side, shape (n,).
         unnamed: A unit without a name, which the alternatives replace. It has one free number per
             joint, an order of the columns has none.
+
+    Returns:
+        One finding, or none if the mapping explains the torques.
     """
-    plain = _as_read(robot)
-    judge = _Judge(robot, _Rows.of(eq, factor), plain.gravity)
+    ones, gravity = np.ones(robot.n), Bodies.of(robot).gravity
+    plain = Reading("", "", np.arange(robot.n), False, ones, ones, 0 * ones, gravity)
+    judge = _Judge(robot, eq, factor, gravity)
     now = judge.left(plain)
     if np.all(_rms(now.file) < c.MIN_RESIDUAL):
         return []
     rival = None
     if unnamed is not None:
-        rival = _Judge(robot, _Rows.of(eq, unnamed.factor), plain.gravity).left(plain)
+        rival = _Judge(robot, eq, unnamed.factor, gravity).left(plain)
     found = []
     for reading in (*_alternatives(plain), *judge.other_gravity(plain)):
         left = judge.left(reading)
@@ -162,9 +126,35 @@ def better_readings(
         )
         is_clear = (decides and score > c.MIN_SCORE) or _is_as_good(reading, left, rival)
         if is_clear and score > c.SCORE_SIGMAS * error and of_file.mean() > 0:
-            found.append(Better(reading, score, now, left))
-    found.sort(key=lambda one: -one.score)
-    return [one for one in found if one.score > found[0].score - c.MAX_BEHIND]
+            found.append((score, reading, left))
+    if not found:
+        return []
+    found.sort(key=lambda one: -one[0])
+    best, _, after = found[0]
+    readings = [reading for score, reading, _ in found if score > best - c.MAX_BEHIND]
+    return [_in_words(readings, now, after, best)]
+
+
+def _in_words(
+    readings: Sequence[Reading], before: Residuals, after: Residuals, score: float
+) -> Finding:
+    """Return the finding of readings that explain the torques equally well."""
+    left = {
+        "file": _rms(after.file), "file_before": _rms(before.file),
+        "any": _rms(after.free), "any_before": _rms(before.free),
+    }  # fmt: skip
+    gain = np.log(left["file_before"] / left["file"]) + np.log(left["any_before"] / left["any"])
+    k = int(gain.argmax())
+    evidence = {f"{name}_links": float(values[k]) for name, values in left.items()}
+    file, any_ = (
+        f"{100 * left[name][k]:.0f} % instead of {100 * left[f'{name}_before'][k]:.0f} %"
+        for name in ("file", "any")
+    )
+    words = "; or ".join(one.words for one in readings)
+    text = f"torques are explained better by {words}: tau_{k + 1} without friction is not "
+    text += f"explained by {file} with the file's links, by {any_} with the best links"
+    remedy = "; or ".join(one.write for one in readings if one.write)
+    return Finding("columns", text, (k + 1,), evidence | {"score": score}, remedy)
 
 
 def _is_as_good(reading: Reading, left: Residuals, rival: Residuals | None) -> bool:
@@ -185,31 +175,6 @@ def _score(before: Array, after: Array) -> Array:
 def _rms(left: Array) -> Array:
     """Return the RMS over all rows, shape (n,)."""
     return np.asarray(np.sqrt(left.mean(axis=0)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """A selection of rows of the equations; fields as in `Equations`, shape (M, n)."""
-
-    q: Array
-    v: Array
-    vd: Array
-    tau: Array
-    moves: Mask
-
-    @staticmethod
-    def of(eq: Equations, factor: Array) -> _Rows:
-        """Select up to READING_ROWS fitted rows, evenly, with torques times `factor`."""
-        fit = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
-        count = min(len(fit), c.READING_ROWS)
-        few = fit[np.unique(np.linspace(0, len(fit) - 1, count).astype(int))]
-        return _Rows(*(x[few] for x in (eq.q, eq.v, eq.vd, eq.tau * factor, eq.moves)))
-
-
-def _as_read(robot: Robot) -> Reading:
-    """Return the meaning of the columns that the mapping gives."""
-    ones, gravity = np.ones(robot.n), Bodies.of(robot).gravity
-    return Reading("", "", np.arange(robot.n), False, ones, ones, 0 * ones, gravity)
 
 
 def _alternatives(plain: Reading) -> Iterator[Reading]:
@@ -244,16 +209,21 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
 class _Judge:
     """A calculator of the residual torques of each alternative."""
 
-    def __init__(self, robot: Robot, rows: _Rows, gravity: Array):
-        self.robot, self.rows, self.gravity = robot, rows, gravity
+    def __init__(self, robot: Robot, eq: Equations, factor: Array, gravity: Array):
+        fit = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
+        count = min(len(fit), c.READING_ROWS)
+        few = fit[np.unique(np.linspace(0, len(fit) - 1, count).astype(int))]
+        self.robot, self.gravity = robot, gravity
+        self.motion = eq.q[few], eq.v[few], eq.vd[few]
+        self.tau, self.moves = eq.tau[few] * factor, eq.moves[few]
         self.file = rigid_parameters(robot)
         self.scale = rigid_scale(robot)
-        self.columns = rigid_columns(robot, rows.q, rows.v, rows.vd)
+        self.columns = rigid_columns(robot, *self.motion)
 
     def left(self, reading: Reading) -> Residuals:
         """Return the residuals of a reading."""
         seen = self._without_friction(reading)
-        tau = self.rows.tau[:, reading.order]
+        tau = self.tau[:, reading.order]
         floor = (c.RESIDUAL_FLOOR * tau) ** 2 + 1e-300
         size = np.array([np.mean(y**2) for _, y in seen]) + floor.mean(axis=0)
         n, free, links = len(seen), np.ones(len(seen)), self.file
@@ -311,9 +281,9 @@ class _Judge:
         The part that the joint's friction can explain is removed from both by projection. Shapes
         (M, 11 n) and (M,); 0 where the joint rests.
         """
-        rows, order = self.rows, reading.order
+        order = reading.order
         places = order if reading.whole else np.arange(len(order))
-        q, v, vd = (x[:, places] for x in (rows.q, rows.v, rows.vd))
+        q, v, vd = (x[:, places] for x in self.motion)
         q, v, vd = reading.turned * q + reading.offset, reading.turned * v, reading.turned * vd
         is_plain = (
             not reading.whole
@@ -322,8 +292,8 @@ class _Judge:
             and reading.gravity is self.gravity
         )
         Y = self.columns if is_plain else rigid_columns(self.robot, q, v, vd, reading.gravity)
-        tau, counts = reading.sign * rows.tau[:, order], rows.moves[:, order]
-        counts = counts & rows.moves[:, places]
+        tau, counts = reading.sign * self.tau[:, order], self.moves[:, order]
+        counts = counts & self.moves[:, places]
         speed, made = over_largest(self.robot.gear_speed(v)), []
         for k in range(len(order)):
             used = counts[:, k, None].astype(float)

@@ -4,8 +4,6 @@ They find uneven sampling, lost samples, frozen or clipped signals, and wrong un
 speeds and times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

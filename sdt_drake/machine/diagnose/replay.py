@@ -1,7 +1,5 @@
 """Parts, gains and control law of a scenario that differ from the machine's, by a replay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

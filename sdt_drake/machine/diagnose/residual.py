@@ -7,8 +7,6 @@ d, links and friction explain tau(t + d). The delay is found by the Gauss-Newton
 interval by the jackknife over blocks of time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
@@ -63,22 +61,19 @@ class Delay:
         return bool(is_relevant and agree.all() and by_itself.mean() >= 0.5)
 
     @property
-    def words(self) -> str:
-        """The delays with 95 % intervals."""
+    def findings(self) -> list[Finding]:
+        """The finding of late torques; none for a delay that is not significant."""
+        if not self.is_significant:
+            return []
+        evidence = {"delay_s": self.common, "error_s": self.error, "share": self.gain}
         each = ", ".join(
             "–" if np.isnan(d) else f"{1e3 * d:.1f} ± {2e3 * e:.1f}"
             for d, e in zip(self.each, self.errors, strict=True)
         )
-        return f"{1e3 * self.common:.1f} ± {2e3 * self.error:.1f} ms (of the joints: {each} ms)"
-
-    @property
-    def findings(self) -> list[Finding]:
-        """The finding of late torques; none for a delay that is not significant."""
-        evidence = {"delay_s": self.common, "error_s": self.error, "share": self.gain}
-        text = f"torques are recorded late, or positions early, by {self.words}"
+        text = f"torques are recorded late, or positions early, by {1e3 * self.common:.1f} ± "
+        text += f"{2e3 * self.error:.1f} ms (of the joints: {each} ms)"
         remedy = f"torque_delay: {self.common:.4f}"
-        found = Finding("late torques", text, evidence=evidence, remedy=remedy)
-        return [found] if self.is_significant else []
+        return [Finding("late torques", text, evidence=evidence, remedy=remedy)]
 
 
 def delay_of(eq: Equations, cutoff: float) -> Delay:
@@ -103,7 +98,9 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
             continue
         left, _ = one.seen(common)
         share = float(np.sqrt(left @ left / max(one.spread, 1e-300)))
-        explains = {name: share_explained(left, one.without(C)) for name, C in one.causes().items()}
+        explains = {
+            name: share_explained(left, without(one.basis, C)) for name, C in one.causes().items()
+        }
         best = max(explains.values())
         d, e = float(delay.each[k]), float(delay.errors[k])
         is_late = explains["late"] == best > c.LATE and (
@@ -143,13 +140,6 @@ class _Joint:
             if len(at) > 5:
                 self.splines.append((at, make_interp_spline(eq.time[at], eq.tau[at, k], k=5)))
 
-    def without(self, values: Array) -> Array:
-        """Return columns (or one) without the part that links and friction explain.
-
-        Rows are those in which the joint moves.
-        """
-        return without(self.basis, values)
-
     def torque(self, shift: float, order: int = 0) -> Array:
         """Return the torque, or a derivative, later by `shift` [s], in the rows with motion."""
         whole = np.zeros(len(self.eq.tau))
@@ -160,7 +150,8 @@ class _Joint:
 
     def seen(self, shift: float) -> tuple[Array, Array]:
         """Return the residual of the torque later by `shift` [s], and that of its slope."""
-        return self.without(self.torque(shift)), self.without(self.torque(shift, 1))
+        tau, slope = self.torque(shift), self.torque(shift, 1)
+        return without(self.basis, tau), without(self.basis, slope)
 
     def causes(self) -> dict[str, Array]:
         """Return the columns of each of CAUSES."""

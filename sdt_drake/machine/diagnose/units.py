@@ -1,7 +1,5 @@
 """The likely unit of recorded torques, by comparison with the torques of the file's links."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

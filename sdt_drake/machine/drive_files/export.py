@@ -1,7 +1,5 @@
 """Export a motion in all formats, and simulate the loop fed from each file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write and read the file formats of drives and controllers."""
 
-from __future__ import annotations
-
 import heapq
 import json
 import re

@@ -21,8 +21,6 @@ which does not depend on frames and units. The calculation has two steps:
    open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -12,8 +12,6 @@ By Parseval's theorem, one spectrum of the columns in Hann windows gives the nor
 cut-offs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

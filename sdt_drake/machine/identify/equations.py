@@ -1,7 +1,5 @@
 """Linear equations of recordings: measured torques and their columns of unknown parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

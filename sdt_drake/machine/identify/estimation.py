@@ -11,8 +11,6 @@ Janot, Vandanjon and Gautier whiten instead ("A generic instrumental variable ap
 industrial robot identification", IEEE Trans. Control Systems Technology 22(1), 2014).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

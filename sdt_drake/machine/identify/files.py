@@ -1,7 +1,5 @@
 """The files of an identified robot: SDF, friction, a scenario and a study that use them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -6,8 +6,6 @@ Ferrentino, Chiacchio, "The dynamic model of the UR10 robot and its ROS2 integra
 Industrial Informatics 2025.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Validation of a robot by recordings, without any fit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 A study draws robots along these directions.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path

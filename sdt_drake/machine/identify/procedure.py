@@ -1,7 +1,5 @@
 """Identification of a robot: cut-off, friction, base parameters, physically consistent links."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

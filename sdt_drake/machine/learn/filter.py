@@ -10,8 +10,6 @@ each trial. Above the bandwidth of Q nothing is learned. Source: Bristow, Tharay
 survey of iterative learning control", IEEE Control Systems Magazine 26(3), 2006.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

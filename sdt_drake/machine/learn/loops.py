@@ -1,7 +1,5 @@
 """Sampled linear loops for learning: of the model, the simulated robot and uncertain devices."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Find the motion in a recording of a trial, and check that it is the expected one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

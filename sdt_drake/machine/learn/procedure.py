@@ -1,7 +1,5 @@
 """Learning of a reference from simulated flights, with a check of its convergence: `learn`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

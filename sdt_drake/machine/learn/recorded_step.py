@@ -1,7 +1,5 @@
 """A step of learning from recordings of the real machine: `learn update`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pages of diagrams as text in Graphviz's language, with all positions."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 from sdt_drake.show.diagrams.page import HEAD, TITLE_X, TITLE_Y, Item, Page, Place, shaft

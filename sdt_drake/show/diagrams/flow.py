@@ -1,7 +1,5 @@
 """Signal flow between the items of a frame: forward edges and feedback edges."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from graphlib import TopologicalSorter
 

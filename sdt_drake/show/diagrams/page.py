@@ -1,7 +1,5 @@
 """Boxes, wires and texts with their places on a page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import chain, pairwise
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Pages of diagrams drawn by matplotlib."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Orthogonal lines from block to block, which may cross but never run on one another."""
 
-from __future__ import annotations
-
 import heapq
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Texts of block diagrams: Greek letters, subscripts, and their size."""
 
-from __future__ import annotations
-
 import html
 import re
 import textwrap

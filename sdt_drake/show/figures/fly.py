@@ -1,7 +1,5 @@
 """Figures of a flight and of a device that follows it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

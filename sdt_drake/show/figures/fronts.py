@@ -1,7 +1,5 @@
 """Figures of designs: error over cost."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

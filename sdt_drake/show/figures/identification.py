@@ -1,7 +1,5 @@
 """Figures of an identified robot: torques, torque not explained, and friction."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

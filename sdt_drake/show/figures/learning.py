@@ -1,7 +1,5 @@
 """Figures of learning: convergence, and errors and torques by flight."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of the pilot's head: specific force, rotation, and felt attitude."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """The figure of a recording and its simulation."""
 
-from __future__ import annotations
-
 from matplotlib.figure import Figure
 
 from sdt_drake.io.arguments import typed

@@ -1,7 +1,5 @@
 """Figures of runs and loops; each function returns a matplotlib Figure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

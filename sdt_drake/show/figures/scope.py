@@ -1,7 +1,5 @@
 """The scope of a run: reference, achieved motion, errors and motor torque of each joint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files of `fly`: motion, summary and report."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Tables, files and report of an identified robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple

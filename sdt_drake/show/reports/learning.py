@@ -1,7 +1,5 @@
 """The files of `learn`: learned reference, scenario and report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path

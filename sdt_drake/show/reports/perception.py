@@ -1,7 +1,5 @@
 """Tables of predicted perception beside people's reports and intended illusions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from sdt_drake.pilot.illusions import Intended

@@ -1,7 +1,5 @@
 """Sentences, tables and report of a replay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report of one run: the answer first, then all details."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

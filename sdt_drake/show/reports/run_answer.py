@@ -1,7 +1,5 @@
 """The answer of a run: its largest errors, its motors, what the pilot feels, and its loops."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The report of a sizing: the chosen motors, their margins, and why others are ruled out."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

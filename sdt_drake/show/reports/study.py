@@ -1,7 +1,5 @@
 """Tables, figures and report of a study."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tables of a study."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import chain
 

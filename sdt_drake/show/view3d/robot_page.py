@@ -1,7 +1,5 @@
 """A robot in 3D with sliders, axes and masses: live in Meshcat, and as an offline page."""
 
-from __future__ import annotations
-
 import re
 import time as clock
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Pictures of a motion, and a scene in Meshcat that shows them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Any

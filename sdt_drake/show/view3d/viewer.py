@@ -1,7 +1,5 @@
 """Motions in 3D: live in Meshcat, and as a web page that plays offline."""
 
-from __future__ import annotations
-
 import gc
 import html
 import time as clock
