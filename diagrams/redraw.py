@@ -50,7 +50,7 @@ from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.resources import models_dir
 from sdt_drake.machine.identify.model import identified_robot
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.motion import Story, load_plan, shipped_motions, story_of
 from sdt_drake.paper.diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.robot.deviation import Deviation

@@ -46,7 +46,8 @@ def run(
     """
     import numpy as np
 
-    from sdt_drake.machine.drive_files import FILES, cycles_in_a_period, load_drives
+    from sdt_drake.machine.drive_files.drives import load_drives
+    from sdt_drake.machine.drive_files.export import FILES, cycles_in_a_period
     from sdt_drake.run.design import make_design
     from sdt_drake.run.scenario import load_scenario
 

@@ -52,7 +52,8 @@ def run(
             SI units); `export` writes files for drives
         out: motion file (.csv), or file for a figure of torques and speeds (.png, .svg, .pdf)
     """
-    from sdt_drake.machine.drive_files import samples_of, write_drive_table
+    from sdt_drake.machine.drive_files.formats import write_drive_table
+    from sdt_drake.machine.drive_files.set_points import samples_of
     from sdt_drake.motion import load_plan, margins
 
     common.check_out(out, show, [".csv"])

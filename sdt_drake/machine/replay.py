@@ -20,7 +20,9 @@ from sdt_drake.io.shown import Shown, Summary, higher, of_joints
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.spikes import without_spikes
-from sdt_drake.machine.recordings import Columns, Recorded, recordings_of
+from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.reading import recordings_of
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated, resampled
 from sdt_drake.robot.deviation import Deviation

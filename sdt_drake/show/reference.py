@@ -15,8 +15,8 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.schema import Part, json_schema, parts
 from sdt_drake.io.yaml_files import parse_yaml
 from sdt_drake.machine.cueing.flight import FlightColumns
-from sdt_drake.machine.drive_files import Drives
-from sdt_drake.machine.recordings import Columns
+from sdt_drake.machine.drive_files.drives import Drives
+from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.motion import MotionProfile
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.motors import Catalogue

@@ -24,7 +24,7 @@ from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.model import identified_robot, plant_friction
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.robot import load_robot

@@ -21,7 +21,7 @@ from helpers.robots import chain_sdf, loaded
 
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.regressor import regressor
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot, load_robot
 

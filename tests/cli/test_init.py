@@ -12,8 +12,8 @@ from helpers.robots import RATE_TABLE, SIX
 
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.resources import models_dir
-from sdt_drake.machine.drive_files import load_drives
-from sdt_drake.machine.recordings import load_columns
+from sdt_drake.machine.drive_files.drives import load_drives
+from sdt_drake.machine.recordings.columns import load_columns
 from sdt_drake.motion import load_plan, margins
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.shapes import mesh_files

@@ -5,9 +5,9 @@ import re
 
 import numpy as np
 
-from sdt_drake.machine.drive_files import Samples, SetPoints
 from sdt_drake.machine.drive_files.drives import OBJECTS
 from sdt_drake.machine.drive_files.formats import samples_from_cam
+from sdt_drake.machine.drive_files.set_points import Samples, SetPoints
 
 
 def read_csv(path, drives) -> SetPoints:

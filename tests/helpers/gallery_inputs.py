@@ -25,7 +25,7 @@ from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.learn.filter import Bandwidth, Convergence, LearningFilter
 from sdt_drake.machine.learn.loops import LoopSet
 from sdt_drake.machine.learn.trials import LearningResult, Step, Trial
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, FEEDFORWARD, Replay
 from sdt_drake.motion import Motion, Plan, margins
 from sdt_drake.pilot.observer import load_perception

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
 

@@ -11,7 +11,7 @@ from oracles.dh import KUKA_KR300, UR10, DhTable
 from scipy.interpolate import make_interp_spline
 
 from helpers.known_truth import changed
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot, load_robot

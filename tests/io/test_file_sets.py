@@ -8,7 +8,7 @@ from helpers import command_line
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs, replacing_files, write_text
-from sdt_drake.machine.drive_files import FILES as EXPORTED
+from sdt_drake.machine.drive_files.export import FILES as EXPORTED
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.paper import files
 from sdt_drake.show.reports import fly as flown_files

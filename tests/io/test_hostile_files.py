@@ -31,8 +31,8 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.io.yaml_files import load_yaml, yaml_text
 from sdt_drake.machine.cueing.flight import load_flight_columns, read_flight
-from sdt_drake.machine.drive_files import load_drives
-from sdt_drake.machine.recordings import load_columns
+from sdt_drake.machine.drive_files.drives import load_drives
+from sdt_drake.machine.recordings.columns import load_columns
 from sdt_drake.motion import load_profile
 from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.robot.robot import load_robot

@@ -15,7 +15,7 @@ from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.filtering import smooth, stretches
 from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.show.reports.identification import friction_table
 
 

@@ -13,19 +13,11 @@ from markdown_it import MarkdownIt
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import read_table
-from sdt_drake.machine.drive_files import (
-    Axis,
-    Drives,
-    SetPoints,
-    formats,
-    load_drives,
-    play_back,
-    samples_from,
-    samples_of,
-    set_points,
-    write_drive_table,
-    write_files,
-)
+from sdt_drake.machine.drive_files import formats
+from sdt_drake.machine.drive_files.drives import Axis, Drives, load_drives
+from sdt_drake.machine.drive_files.export import play_back, write_files
+from sdt_drake.machine.drive_files.formats import write_drive_table
+from sdt_drake.machine.drive_files.set_points import SetPoints, samples_from, samples_of, set_points
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.run.controllers import CONTROLLERS, Pi

@@ -18,7 +18,7 @@ from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.files import recorded_motion
 from sdt_drake.machine.identify.model import directions, plant_friction
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.sdf import SYMMETRIC, links_by_name, parse_xml

@@ -25,7 +25,7 @@ from sdt_drake.machine.identify.model import (
     save_robot,
 )
 from sdt_drake.machine.identify.procedure import belief, identify
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics

@@ -10,7 +10,7 @@ from oracles.dh import DhTable
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.filtering import stretches, zero_phase_low_pass
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import load_robot
 

@@ -27,7 +27,8 @@ from sdt_drake.machine.learn.state import (
     update,
     write_step,
 )
-from sdt_drake.machine.recordings import Columns, read_recording
+from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.run.design import make_design

@@ -12,7 +12,8 @@ from scipy.io import savemat
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Columns, load_columns, read_recording
+from sdt_drake.machine.recordings.columns import Columns, load_columns
+from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.robot.robot import load_robot
 
 N = 5

@@ -8,7 +8,8 @@ from oracles import dh
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.spikes import without_spikes
-from sdt_drake.machine.recordings import Recorded, read_recording
+from sdt_drake.machine.recordings.reading import read_recording
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
 from sdt_drake.run.controllers import Pi

@@ -14,7 +14,8 @@ from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.diagnose.residual import delay_of
 from sdt_drake.machine.identify.judge import judge
 from sdt_drake.machine.identify.procedure import identify
-from sdt_drake.machine.recordings import Columns, read_recording
+from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.robot.robot import load_robot
 
 CUTOFF = 6.0

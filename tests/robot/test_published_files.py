@@ -8,10 +8,11 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.drive_files import Axis, Drives, Samples, samples_from, set_points
+from sdt_drake.machine.drive_files.drives import Axis, Drives
 from sdt_drake.machine.drive_files.formats import write_drive_table
-from sdt_drake.machine.drive_files.set_points import samples_of
-from sdt_drake.machine.recordings import Columns, read_recording
+from sdt_drake.machine.drive_files.set_points import Samples, samples_from, samples_of, set_points
+from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.motion import Motion, checked_torque, margins
 from sdt_drake.robot.parsed import parts_of
 

@@ -16,8 +16,10 @@ from sdt_drake.io.fields import Number, Problems, Values, field
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.machine.recordings import Layout, place_of, times_of
-from sdt_drake.machine.recordings import missing as missing_column
+from sdt_drake.machine.recordings.columns import Layout
+from sdt_drake.machine.recordings.places import missing as missing_column
+from sdt_drake.machine.recordings.places import place_of
+from sdt_drake.machine.recordings.times import times_of
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.pilot.head import GRAVITY
 

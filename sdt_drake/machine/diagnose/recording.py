@@ -14,7 +14,7 @@ from sdt_drake.io.arrays import Array, Index, Mask
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.finding import Finding
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.robot import Robot
 
 

@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.recording import speed_limit
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.robot import Robot
 
 _UNITS = {"q": "rad", "v": "rad/s", "tau": "N m"}

@@ -133,8 +133,9 @@ def nearest_consistent(
             fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
     fixed[10 * robot.n :] = np.where(is_free, 0.0, motor_parameters(robot))
     space = _Space(robot, unknown, links, is_free, fixed)
-    best = unknown.base.combination @ space.explaining(beta, misfit)[unknown.columns]
-    x, phi = space.nearest(best, covariance)
+    _, phi = space.closest(beta, misfit, near=False)
+    best = unknown.base.combination @ phi[unknown.columns]
+    x, phi = space.closest(best, covariance, near=True)
     pseudo = [
         _root(link.pseudo) @ symmetric(x[10 * i : 10 * i + 10]) @ _root(link.pseudo).T
         for i, link in enumerate(links)
@@ -158,93 +159,64 @@ class _Space:
     fixed: Array
     """Contribution of fixed links and motors to all parameters, shape (11 n,)."""
 
-    def explaining(self, beta: Array, misfit: Array) -> Array:
-        """Return the parameters that explain the torques best, shape (11 n,)."""
-        program, unknowns, effect, missed, _ = self._program(beta, misfit, near=False)
-        program.Add2NormSquaredCost(np.eye(len(beta)), np.zeros(len(beta)), missed)
-        return self.fixed + effect @ self._solved(program, unknowns)
+    def closest(self, beta: Array, covariance: Array, *, near: bool) -> tuple[Array, Array]:
+        """Find consistent links and motors whose base parameters are close to beta.
 
-    def nearest(self, beta: Array, covariance: Array) -> tuple[Array, Array]:
-        """Find the robot closest to the file within a standard deviation of beta.
+        Variables are the entries SYMMETRIC of Z of each link, 1 for the link of the file, and the
+        free motors over their scale.
+
+        Args:
+            beta: Base parameters, shape (r,).
+            covariance: Covariance of beta, shape (r, r).
+            near: True for the closest to the file within a standard deviation of beta, False for
+                the smallest deviation from beta.
 
         Returns:
             The variables of the program, and all parameters, shape (11 n,).
         """
-        program, unknowns, effect, missed, one = self._program(beta, covariance, near=True)
-        program.AddBoundingBoxConstraint(1, 1, one)
-        program.AddLorentzConeConstraint(np.concatenate([one, missed]))
-        x = self._solved(program, unknowns)
-        return x, self.fixed + effect @ x
-
-    def _program(
-        self, beta: Array, covariance: Array, *, near: bool
-    ) -> tuple[MathematicalProgram, Array, Array, Array, Array]:
-        """Make a program in which links and motors are consistent.
-
-        Args:
-            near: True to add the distance from the file as a cost.
-
-        Returns:
-            The program; its variables; their effect on all parameters, shape (11 n, variables);
-            variables for the deviation from beta in standard deviations, shape (r,); a variable
-            for the constant 1.
-        """
-        program, robot = MathematicalProgram(), self.robot
-        parts = [_add_link(program, robot, link, near=near) for link in self.links]
-        if self.is_free.any():
-            parts.append(_add_motors(program, robot, self.is_free, near=near))
-        unknowns, maps = (list(x) for x in zip(*parts, strict=True))
-        missed = program.NewContinuousVariables(len(beta))
-        one = program.NewContinuousVariables(1)
+        program, robot, n = MathematicalProgram(), self.robot, self.robot.n
         K, columns = self.unknown.base.combination, self.unknown.columns
-        sure, effect = _whitening(covariance), np.hstack(maps)
+        sure = _whitening(covariance)
+        effects = [effect_of(robot, link, _root(link.pseudo)) for link in self.links]
+        unknowns = []
+        for _ in self.links:
+            Z = program.NewSymmetricContinuousVariables(4)
+            if near:
+                program.AddMaximizeLogDeterminantCost(Z)
+                program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
+            else:
+                program.AddPositiveSemidefiniteConstraint(Z)
+            unknowns.append(np.array([Z[i, j] for i, j in SYMMETRIC]))
+        if self.is_free.any():
+            scale = motor_scale(robot)
+            motors = program.NewContinuousVariables(int(self.is_free.sum()))
+            program.AddBoundingBoxConstraint(_MIN_MOTOR, np.inf, motors)
+            if near:
+                was = (motor_parameters(robot) / scale)[self.is_free]
+                program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
+            effects.append(np.vstack([np.zeros((10 * n, n)), np.diag(scale)])[:, self.is_free])
+            unknowns.append(motors)
+        missed = program.NewContinuousVariables(len(beta))  # deviation in standard deviations
+        one = program.NewContinuousVariables(1)
+        variables, effect = np.concatenate(unknowns), np.hstack(effects)
         program.AddLinearEqualityConstraint(
             np.hstack([sure @ K @ effect[columns], np.eye(len(beta))]),
             sure @ (beta - K @ self.fixed[columns]),
-            np.concatenate([*unknowns, missed]),
+            np.concatenate([variables, missed]),
         )
-        return program, np.concatenate(unknowns), effect, missed, one
-
-    def _solved(self, program: MathematicalProgram, unknowns: Array) -> Array:
+        if near:
+            program.AddBoundingBoxConstraint(1, 1, one)
+            program.AddLorentzConeConstraint(np.concatenate([one, missed]))
+        else:
+            program.Add2NormSquaredCost(np.eye(len(beta)), np.zeros(len(beta)), missed)
         result = ClarabelSolver().Solve(program)
         if not result.is_success():
             raise InputError(
-                f"{self.robot.path}: no physically consistent links have the measured parameters "
+                f"{robot.path}: no physically consistent links have the measured parameters "
                 f"({result.get_solution_result().name})"
             )
-        return np.asarray(result.GetSolution(unknowns))
-
-
-def _add_link(
-    program: MathematicalProgram, robot: Robot, link: Link, *, near: bool
-) -> tuple[Array, Array]:
-    """Add variables Z of a link, 1 for the link of the file.
-
-    Returns:
-        The ten variables, and their effect on all parameters, shape (11 n, 10).
-    """
-    Z = program.NewSymmetricContinuousVariables(4)
-    if near:
-        program.AddMaximizeLogDeterminantCost(Z)
-        program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
-    else:
-        program.AddPositiveSemidefiniteConstraint(Z)
-    entries = np.array([Z[i, j] for i, j in SYMMETRIC])
-    return entries, effect_of(robot, link, _root(link.pseudo))
-
-
-def _add_motors(
-    program: MathematicalProgram, robot: Robot, is_free: NDArray[np.bool_], *, near: bool
-) -> tuple[Array, Array]:
-    """Add variables of the free motors; return them and their effect on all parameters."""
-    scale = motor_scale(robot)
-    motors = program.NewContinuousVariables(int(is_free.sum()))
-    program.AddBoundingBoxConstraint(_MIN_MOTOR, np.inf, motors)
-    was = (motor_parameters(robot) / scale)[is_free]
-    if near:
-        program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
-    effect = np.vstack([np.zeros((10 * robot.n, robot.n)), np.diag(scale)])
-    return motors, effect[:, is_free]
+        x = np.asarray(result.GetSolution(variables))
+        return x, self.fixed + effect @ x
 
 
 def effect_of(robot: Robot, link: Link, factor: Array) -> Array:

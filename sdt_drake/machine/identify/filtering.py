@@ -16,7 +16,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.motion.trajectory import interpolated
 
 MAX_CUTOFF_SHARE = 0.35

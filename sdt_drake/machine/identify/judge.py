@@ -18,7 +18,8 @@ from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.friction import COULOMB, OFFSET, VISCOUS, FrictionLaw, Term
 from sdt_drake.machine.identify.procedure import belief, few_of, parts_of
-from sdt_drake.machine.recordings import Columns, Recordings, recordings_of
+from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.reading import Recordings, recordings_of
 from sdt_drake.robot.device import Friction, friction_parameters
 from sdt_drake.robot.robot import Robot, load_robot
 

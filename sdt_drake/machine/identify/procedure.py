@@ -33,13 +33,9 @@ from sdt_drake.machine.identify.filtering import (
     spread,
     stretches,
 )
-from sdt_drake.machine.recordings import (
-    Columns,
-    Recorded,
-    Recordings,
-    check_different,
-    recordings_of,
-)
+from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.reading import Recordings, recordings_of
+from sdt_drake.machine.recordings.recorded import Recorded, check_different
 from sdt_drake.robot.robot import Robot, load_robot
 
 ONLY = ("payload", "friction")

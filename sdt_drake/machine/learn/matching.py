@@ -11,7 +11,8 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.learn.filter import LearningFilter, through
-from sdt_drake.machine.recordings import Recorded, other_unit
+from sdt_drake.machine.recordings.recorded import Recorded
+from sdt_drake.machine.recordings.times import other_unit
 from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design
 

@@ -23,7 +23,9 @@ from sdt_drake.machine.learn.state import (
     update,
     write_step,
 )
-from sdt_drake.machine.recordings import Recorded, load_columns, read_recording
+from sdt_drake.machine.recordings.columns import load_columns
+from sdt_drake.machine.recordings.reading import read_recording
+from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.run.design import Design, make_design, plan_of
 from sdt_drake.run.scenario import Scenario, load_scenario
 

@@ -35,7 +35,7 @@ from sdt_drake.machine.diagnose.spikes import without_spikes
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.matching import Matched, match
 from sdt_drake.machine.learn.trials import Step, next_step
-from sdt_drake.machine.recordings import Recorded, check_different
+from sdt_drake.machine.recordings.recorded import Recorded, check_different
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
