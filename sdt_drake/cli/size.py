@@ -31,11 +31,11 @@ def run(
         out: folder for the study (default: its name)
     """
     from sdt_drake.show.documents import REPORT
-    from sdt_drake.show.reports.sizing import FILES, write_sizing_report
+    from sdt_drake.show.reports.sizing import FILES, sizing_lines, write_sizing_report
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures
-    from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, verdict_table
+    from sdt_drake.studies.verdicts import judge_candidates, verdict_table
 
     chosen, base = load_sizing(sizing, dict(given.changes))
     folder = out or Path(chosen.name)

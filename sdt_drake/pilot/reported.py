@@ -82,18 +82,6 @@ class Judged:
         """Return whether a set's prediction lies within one standard deviation, or in the range."""
         return abs(self.deviations(name)) <= 1
 
-    def verdict(self, name: str) -> str:
-        """Return the verdict on a set's prediction as text."""
-        deviations = self.deviations(name)
-        if np.isnan(deviations):
-            return "not judged, no spread is known"
-        within = "the range" if self.is_range else "one standard deviation"
-        if abs(deviations) <= 1:
-            return f"within {within}"
-        high_or_low = "large" if deviations > 0 else "small"
-        by = "" if self.is_range else f" by {abs(deviations):.1f} standard deviations"
-        return f"too {high_or_low}{by}"
-
     def cell(self, name: str) -> str:
         """Return a set's prediction with its verdict as a sign; see LEGEND."""
         deviations = self.deviations(name)

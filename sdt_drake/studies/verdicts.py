@@ -11,7 +11,6 @@ import numpy as np
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.arrays import Mask
-from sdt_drake.io.shown import listed
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, pandas, pareto
 
@@ -166,89 +165,6 @@ def nearest(verdicts: Sequence[Verdict], controller: str) -> Verdict:
         return not v.judged, cannot, len(v.missed), v.mass, v.candidate.structure_scale
 
     return min((v for v in verdicts if v.controller == controller), key=distance)
-
-
-def lightest_motor(
-    sizing: Sizing, verdicts: Sequence[Verdict], controller: str, joint: int
-) -> str | None:
-    """Return the lightest motor of a joint (from 1) in any feasible set; None if none is."""
-    own = (v.candidate.motors for v in verdicts if v.controller == controller and v.feasible)
-    return min((ids[joint - 1] for ids in own), key=sizing.masses.__getitem__, default=None)
-
-
-def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
-    """Return the result as text: the answer, each controller's recommendation, then each joint."""
-    return [
-        _answer_line(sizing, verdicts),
-        *(line for label in sizing.controllers for line in _controller_lines(verdicts, label)),
-        *(_joint_line(sizing, verdicts, k + 1) for k in range(sizing.n)),
-    ]
-
-
-def _answer_line(sizing: Sizing, verdicts: Sequence[Verdict]) -> str:
-    """Return the lightest motors with any controller as a sentence."""
-    found = [best for label in sizing.controllers if (best := recommend(verdicts, label))]
-    if not found:
-        return (
-            "No motor set meets the requirements: try stronger motors, or allow more."
-            if all(v.judged for v in verdicts)
-            else "No motor set is known to meet the requirements, as runs failed."
-        )
-    best = min(found, key=lambda v: v.mass)
-    labels = listed([v.controller for v in found if v.candidate == best.candidate])
-    return (
-        f"The lightest motors that meet all requirements weigh {best.mass:g} kg: "
-        f"{best.candidate}, with {labels}."
-    )
-
-
-def _controller_lines(verdicts: Sequence[Verdict], controller: str) -> list[str]:
-    best = recommend(verdicts, controller)
-    judged = [v.judged for v in verdicts if v.controller == controller]
-    out = judged.count(False)
-    note = f"; {out} of {len(judged)} candidates cannot be judged, as runs failed" if out else ""
-    if best is None:
-        near = nearest(verdicts, controller)
-        text = (
-            f"no motor set meets the requirements; the nearest, {near.candidate}, misses "
-            f"{len(near.missed)}{note}"
-        )
-        return [
-            f"with {controller}: {text if any(judged) else 'no motor set can be judged'}",
-            *(f"  {text}" for text in near.missed[:3]),
-        ]
-    return [
-        f"with {controller}: {best.candidate}, {best.mass:g} kg of motors{note}",
-        *(f"  {_margin_text(best, k + 1)}" for k in range(len(best.candidate.motors))),
-    ]
-
-
-def _margin_text(verdict: Verdict, joint: int) -> str:
-    name = verdict.tightest(joint)
-    _, motion = verdict.worst[name]
-    return (
-        f"joint {joint} {verdict.candidate.motors[joint - 1]}: nearest limit is "
-        f"{metric_of(name).title}, {100 * verdict.used[name]:.0f} % used in {motion}"
-    )
-
-
-def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
-    """Return the lightest motor of a joint for each controller, as a sentence."""
-    mass = sizing.masses
-    labels_of: dict[tuple[float, str], list[str]] = {}
-    for label in sizing.controllers:
-        id_, best = lightest_motor(sizing, verdicts, label, joint), recommend(verdicts, label)
-        if id_ is not None and best is not None:
-            own = best.candidate.motors[joint - 1]
-            text = own if mass[id_] == mass[own] else f"{id_} (with heavier motors elsewhere)"
-            labels_of.setdefault((-mass[id_], text), []).append(label)
-    if not labels_of:
-        known = "meets" if all(v.judged for v in verdicts) else "is known to meet"
-        return f"joint {joint}: no controller {known} the requirements"
-    *heavier, (last, labels) = sorted(labels_of.items())
-    parts = [f"with {listed(own)} it needs {text}" for (_, text), own in heavier]
-    parts.append(f"with {listed(labels)} {last[1]} is enough")
-    return f"joint {joint}: {', '.join(parts)}"
 
 
 def verdict_table(verdicts: Sequence[Verdict]) -> pd.DataFrame:

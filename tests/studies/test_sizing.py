@@ -16,13 +16,13 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import find_file
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.show.reports.sizing import write_sizing_report
+from sdt_drake.show.reports.sizing import sizing_lines, write_sizing_report
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
 from sdt_drake.studies.store import DATABASE
 from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable
-from sdt_drake.studies.verdicts import Verdict, front_of, judge_candidates, recommend, sizing_lines
+from sdt_drake.studies.verdicts import Verdict, front_of, judge_candidates, recommend
 
 SHIPPED = "package://sdt/studies/sizing.yaml"
 TEXT = find_file(SHIPPED).read_text(encoding="utf-8")
@@ -164,7 +164,7 @@ def test_sizing_answer_agrees_with_its_table(outcome, file_regression):
         assert failures(table) == "24 of 32 runs failed: no link 'payload' (row 1)"
     verdicts = judge_candidates(SMALL, table)
     lines = sizing_lines(SMALL, verdicts)
-    assert front_of(verdicts).any() == lines[0].startswith("The lightest motors")
+    assert front_of(verdicts).any() != lines[0].startswith("No motor set of 8")
     file_regression.check("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -220,7 +220,7 @@ def test_size_command_writes_a_recommendation(desk, capfd, undrawn):
     said = (desk / "own" / "sizing.txt").read_text()
     assert capfd.readouterr().out.count(said) == 1
     best = "AC-203, TM-3950, TM-1430, TM-716"
-    assert f"The lightest motors that meet all requirements weigh 325 kg: {best} at" in said
+    assert f"{best}: 325 kg of motors are enough, with pi_id." in said
     rows = [*csv.DictReader((desk / "own" / "candidates.csv").open())]
     pairs = [f"{row['controller']} {row['motor_2']}" for row in rows]
     assert pairs == ["pi TM-716", "pi TM-3950", "pi_id TM-716", "pi_id TM-3950"]

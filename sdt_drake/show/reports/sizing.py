@@ -9,7 +9,7 @@ from typing import Any
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.resources import PACKAGE_PREFIX
-from sdt_drake.io.shown import formatted, listed
+from sdt_drake.io.shown import aligned, formatted, listed
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures.fronts import sizing_front
@@ -39,20 +39,37 @@ def write_sizing_report(
     Raises:
         InputError: if a file cannot be written.
     """
+    written("sizing", {
+        **_values(sizing, verdicts),
+        "name": sizing.name, "failed": said("> {}", failed) if failed else "",
+        f"{FIGURE}.png": sizing_front(f"{sizing.name}: motors and tracking", verdicts),
+    }).write(folder)  # fmt: skip
+
+
+def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
+    """Return the result as text: the answer, each controller's set, then margins and motors."""
+    shown = _values(sizing, verdicts)
+    advice = "" if shown["fields"] else shown["next"]
+    lines = doc.plain("\n".join([shown["answer"], shown["in_short"], advice])).splitlines()
+    for table in (*shown["margins"], shown["motors"]):
+        lines += ["", *[table.title] * bool(table.title), *aligned(table.header, table.rows, 1, 100)]
+    return lines
+
+
+def _values(sizing: Sizing, verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    """Return texts and tables of the report by name."""
     answers = [_answer(sizing, verdicts, label) for label in sizing.controllers]
     answers.sort(key=_heavy)
     best = answers[0] if answers[0]["chosen"] else None
     count = len(verdicts) // len(sizing.controllers)
-    written("sizing", {
-        "name": sizing.name, "failed": said("> {}", failed) if failed else "",
+    return {
         "answer": _best(sizing, answers, count) if best else _none(answers, count),
         "in_short": doc.bullets(_in_short(answer, count) for answer in answers),
         "next": doc.bullets(_next(best)),
         "fields": doc.fenced(best["fields"]) if best else "",
         "margins": [x for one in answers for x in (one["margins"], one["out"]) if x],
         "motors": motor_table(sizing, verdicts),
-        f"{FIGURE}.png": sizing_front(f"{sizing.name}: motors and tracking", verdicts),
-    }).write(folder)  # fmt: skip
+    }
 
 
 def _best(sizing: Sizing, answers: Sequence[dict[str, Any]], count: int) -> Marked:
@@ -78,24 +95,27 @@ def _best(sizing: Sizing, answers: Sequence[dict[str, Any]], count: int) -> Mark
 def _none(answers: Sequence[dict[str, Any]], count: int) -> Marked:
     """Return what all sets miss, for each controller."""
     missed = "; ".join(f"with {x['label']}, {'; '.join(x['reasons'])}" for x in answers)
-    return said(
-        "**No motor set of {} meets all requirements.** They miss most often: {}.", count, missed
-    )
+    meets = "meets all requirements"
+    if any(x["unjudged"] for x in answers):
+        meets = "is known to meet all requirements, as runs failed"
+    return said("**No motor set of {} {}.** They miss most often: {}.", count, meets, missed)
 
 
 def _in_short(answer: dict[str, Any], count: int) -> Marked:
     """Return the chosen or the nearest set of a controller."""
     label, chosen, shown = answer["label"], answer["chosen"], answer["shown"]
+    failed = ""
+    if answer["unjudged"]:
+        failed = f" {answer['unjudged']} of them cannot be judged, as runs failed."
     if chosen is None:
-        which = "none" if answer["judged"] else "none of those with complete runs"
-        nearest, misses = _set(shown), len(shown.missed)
         return said(
-            "**With {}:** {}. The nearest, {}, misses {}: {}.",
-            label, which, nearest, misses, shown.missed[0],
+            "**With {}:** none of {} candidates.{} The nearest, {}, misses {}: {}.",
+            label, count, Marked(failed), _set(shown), len(shown.missed),
+            "; ".join(shown.missed[:3]),
         )  # fmt: skip
     text = said(
-        "**With {}:** {}, {:g} kg; {} of {} candidates meet all requirements.",
-        label, _set(chosen), chosen.mass, answer["kept"], count,
+        "**With {}:** {}, {:g} kg; {} of {} candidates meet all requirements.{}",
+        label, _set(chosen), chosen.mass, answer["kept"], count, Marked(failed),
     )  # fmt: skip
     tight = said("Less than a tenth of a limit is left at {}.", ", ".join(answer["tight"]))
     return joined([text, tight], " ") if answer["tight"] else text
@@ -144,7 +164,7 @@ def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str
         "shown": shown,
         "kept": sum(v.feasible for v in own),
         "lighter": sum(v.mass < chosen.mass for v in own) if chosen else 0,
-        "judged": all(v.judged for v in own),
+        "unjudged": sum(not v.judged for v in own),
         "reasons": [text for text, _ in _limits(own, chosen).most_common(3)],
         "tight": [] if chosen is None else _tight(chosen),
         "fields": _fields(sizing, shown),
