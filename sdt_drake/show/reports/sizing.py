@@ -52,7 +52,11 @@ def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
     advice = "" if shown["fields"] else shown["next"]
     lines = doc.plain("\n".join([shown["answer"], shown["in_short"], advice])).splitlines()
     for table in (*shown["margins"], shown["motors"]):
-        lines += ["", *[table.title] * bool(table.title), *aligned(table.header, table.rows, 1, 100)]
+        lines += [
+            "",
+            *[table.title] * bool(table.title),
+            *aligned(table.header, table.rows, 1, 100),
+        ]
     return lines
 
 
