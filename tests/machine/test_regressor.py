@@ -17,7 +17,7 @@ from sdt_drake.machine.identify.base_parameters import (
     rigid_names,
     rigid_parameters,
 )
-from sdt_drake.machine.identify.cutoff import Choice, chosen
+from sdt_drake.machine.identify.cutoff import chosen
 from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.filtering import Stretch, spread, stretches
 from sdt_drake.machine.identify.procedure import belief, identify
@@ -95,7 +95,7 @@ def shaken(recorded, lowest, share):
 
 def test_clean_recording_keeps_the_highest_cutoff(robot, clean):
     """Friction at reversals reaches as far as anything is tried, and nothing disturbs it."""
-    assert choice(robot, clean) == Choice(10.0, speeds=False)
+    assert choice(robot, clean) == (10.0, False)
 
 
 @pytest.fixture(scope="module")
@@ -104,15 +104,15 @@ def clean(true):
 
 
 def test_cutoff_is_between_motion_and_noise(robot, clean):
-    assert 2.0 < choice(robot, shaken(clean, 5.0, 1.0)).cutoff < 6.0
+    assert 2.0 < choice(robot, shaken(clean, 5.0, 1.0))[0] < 6.0
 
 
 def test_recorded_speeds_are_used_where_less_noisy(robot, clean):
     rng, v = np.random.default_rng(3), motion(robot)[2]
     noisy = changed(clean, q=clean.signals["q"] + 2e-4 * rng.normal(size=v.shape))
     good, bad = (changed(noisy, v=v + x * rng.normal(size=v.shape)) for x in (1e-4, 1e-1))
-    assert choice(robot, good, 4.0) == Choice(4.0, speeds=True)
-    assert not choice(robot, bad).speeds
+    assert choice(robot, good, 4.0) == (4.0, True)
+    assert not choice(robot, bad)[1]
     found = identify(robot, [good], only="friction", cutoff=4.0)
     assert found.speeds and "recorded speeds are used" in " / ".join(found.notes)
 

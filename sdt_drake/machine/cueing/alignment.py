@@ -44,10 +44,7 @@ def aligned(problem: Problem, starts: Sequence[Start]) -> Array:
     x[:, -1] = [seat for _, seat in starts]
     if problem.arm:
         x[:, 0] = spin
-    lower, upper = problem.lower.copy(), problem.upper.copy()
-    if problem.arm:
-        fastest = SPEED_SHARE * problem.robot.top_speed[0]
-        lower[0], upper[0] = -fastest, fastest
+    lower, upper = problem.stops(SPEED_SHARE * problem.robot.top_speed[0])
     x = np.clip(x, lower, upper)
     moves = 1e-5 * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
 
@@ -127,12 +124,4 @@ def washed_out(problem: Problem, x: Array) -> Array:
     square = J.transpose(0, 2, 1) @ J + _HELD * np.eye(J.shape[2])
     gimbals = np.linalg.solve(square, J.transpose(0, 2, 1) @ turned[..., None])[..., 0]
     tilt[:, first:] += gimbals
-    return np.asarray(np.clip(tilt, *_stops(problem)))
-
-
-def _stops(problem: Problem) -> tuple[Array, Array]:
-    """Return lower and upper limits of the angles [rad]; none for an arm."""
-    lower, upper = problem.lower.copy(), problem.upper.copy()
-    if problem.arm:
-        lower[0], upper[0] = -np.inf, np.inf
-    return lower, upper
+    return np.asarray(np.clip(tilt, *problem.stops(np.inf)))

@@ -89,6 +89,13 @@ class Problem:
         """Number of knots."""
         return len(self.force)
 
+    def stops(self, arm: float) -> tuple[Array, Array]:
+        """Return lower and upper limits of the angles [rad], those of an arm from -arm to arm."""
+        ends = self.lower.copy(), self.upper.copy()
+        if self.arm:
+            ends[0][0], ends[1][0] = -arm, arm
+        return ends
+
     @property
     def head(self) -> Array:
         """Specific force [m/s²] and angular rate [rad/s], shape (N, 6)."""
@@ -250,12 +257,13 @@ def _step(problem: Problem, trajectory: Trajectory, region: float) -> tuple[Traj
     upper = np.maximum(np.minimum(problem.upper, trajectory.q + region), trajectory.q - region)
     if problem.arm:
         lower[:, 0], upper[:, 0] = problem.lower[0], problem.upper[0]
-        program.near(program.v[:, 0], trajectory.v[:, 0], region)
+        v = trajectory.v[:, 0]
+        program.between(v - region, v + region, program.v[:, 0])
     program.bounds(lower, upper)
     if math.isfinite(problem.torque_share):
         program.torques(*_linear(partial(_torque_use, problem), trajectory, 1e-4))
     found = program.solved()
-    if not program.succeeded():
+    if not program.result.is_success():
         return trajectory, 0.0
     x = np.hstack([*found.parts, program.value(sensed)])
     error = (np.einsum("nij,nj->ni", A, x) + b) / math.sqrt(problem.knot)
@@ -276,10 +284,7 @@ class _Quadratic:
             self._program.NewContinuousVariables(problem.count, n, name) for name in "qva"
         )
         self._slack: Array = np.zeros(0)  # variables
-        first, then = (
-            sp.eye(problem.count - 1, problem.count),
-            sp.eye(problem.count - 1, problem.count, k=1),
-        )
+        first, then = (sp.eye(problem.count - 1, problem.count, k=k) for k in (0, 1))
         one, joints = then - first, sp.eye(n)
         kron = sp.kron
         self._equal([kron(one, joints), kron(-h / 2 * (first + then), joints)], [self.v, self.a], 0)
@@ -295,9 +300,9 @@ class _Quadratic:
             (SPEED_SHARE * robot.top_speed, self.v),
             (SPEED_SHARE * robot.acceleration_limit, self.a),
         ):
-            self._between(np.broadcast_to(-limit, variables.shape), limit, variables)
+            self.between(np.broadcast_to(-limit, variables.shape), limit, variables)
 
-    def _between(self, lower: Array, upper: Array, variables: Array) -> None:
+    def between(self, lower: Array, upper: Array, variables: Array) -> None:
         """Keep variables between limits."""
         lower, upper = (np.broadcast_to(x, variables.shape).ravel() for x in (lower, upper))
         self._program.AddBoundingBoxConstraint(lower, upper, variables.ravel())
@@ -327,13 +332,9 @@ class _Quadratic:
 
     def bounds(self, lower: Array, upper: Array) -> None:
         """Keep the angles within limits [rad]."""
-        self._between(lower, upper, self.q)
+        self.between(lower, upper, self.q)
         if self._problem.arm:  # its angle is not felt, so it begins at 0
             self._program.AddBoundingBoxConstraint(0, 0, self.q[:1, 0])
-
-    def near(self, variables: Array, values: Array, region: float) -> None:
-        """Keep variables within a region around values."""
-        self._between(values - region, values + region, variables)
 
     def lagged(self, J: Array, off: Array) -> Array:
         """Return the canals' low pass of e = J (q, v) + off, as variables, shape (N, 3)."""
@@ -377,15 +378,11 @@ class _Quadratic:
 
     def value(self, variables: Array) -> Array:
         """Return the values of variables in the solution."""
-        return np.asarray(self._result.GetSolution(variables), dtype=float)
-
-    def succeeded(self) -> bool:
-        """Return True if the solver has found the solution."""
-        return bool(self._result.is_success())
+        return np.asarray(self.result.GetSolution(variables), dtype=float)
 
     def solved(self) -> Trajectory:
         """Solve the program and return the trajectory."""
-        self._result = ClarabelSolver().Solve(self._program, None, _OPTIONS)
+        self.result = ClarabelSolver().Solve(self._program, None, _OPTIONS)
         q, v, a = map(self.value, (self.q, self.v, self.a))
         return Trajectory(self._problem.knot, q, v, a)
 

@@ -207,18 +207,13 @@ def _commanded(design: Design, period: float, *, still: bool = False) -> Samples
     A learned reference already compensates for its loop's errors. Torques that this loop did not
     have would compensate twice. So they are then those of the loop, not inverse dynamics.
     """
-    robot, motion, tau_ff = (
-        design.device.nominal,
-        design.reference.tracked,
-        design.tuning.feedforward.along,
-    )
+    robot, motion = design.device.nominal, design.reference.tracked
+    feedforward = design.tuning.feedforward
     is_learned = design.reference.torque is not None or motion is not design.reference.planned
+    tau_ff = feedforward.along
     if still:
         rest = np.zeros((2, robot.n))
-        motion, tau_ff = (
-            Motion.from_speeds(period, motion.q[0], rest),
-            rest + design.tuning.feedforward.steady,
-        )
+        motion, tau_ff = Motion.from_speeds(period, motion.q[0], rest), rest + feedforward.steady
     torque = np.zeros_like(motion.q) if tau_ff is None else tau_ff * robot.gear_ratio
     return samples_of(robot, motion, period, torque if is_learned else None)
 

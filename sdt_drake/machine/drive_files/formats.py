@@ -43,11 +43,8 @@ def write_drive_table(path: Path, robot: Robot, samples: Samples) -> None:
     the next one; the last row has no acceleration.
     """
     time = np.arange(float(len(samples.q))) * samples.period
-    q, v, tau = (
-        robot.of_motors(samples.q),
-        robot.of_motors(samples.v),
-        robot.motor_torque(samples.tau),
-    )
+    q, v = robot.of_motors(samples.q), robot.of_motors(samples.v)
+    tau = robot.motor_torque(samples.tau)
     write_table(path, time, {"q_motor": q, "v_motor": v, "tau_motor": tau})
 
 

@@ -13,7 +13,7 @@ cut-offs.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -38,17 +38,7 @@ _ROUNDS = 4  # iterations of the weights
 _WIDTHS = (0.05, 0.2)  # widths of sigmoids over the largest speed, in place of a friction law
 
 
-class Choice(NamedTuple):
-    """The chosen cut-off frequency and source of speeds."""
-
-    cutoff: float
-    """Cut-off frequency [Hz]."""
-    speeds: bool
-    """True if recorded speeds are used, False if positions are differentiated."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Spectra:
+class _Spectra(NamedTuple):
     """Spectra of the columns [rigid, friction, torque] of each joint in windows of time."""
 
     frequency: Array
@@ -67,7 +57,7 @@ def chosen(
     prior: Prior,
     stretches: Sequence[Stretch],
     cutoff: float | None = None,
-) -> Choice:
+) -> tuple[float, bool]:
     """Choose the cut-off frequency and the source of speeds with the smallest prediction error.
 
     The choice is the geometric middle of the cut-offs that are as good as the best one. Recorded
@@ -79,9 +69,13 @@ def chosen(
         prior: Prior of the base parameters.
         stretches: Fitted stretches, with or without recorded speeds.
         cutoff: A fixed cut-off [Hz]; then only the source of speeds is chosen.
+
+    Returns:
+        The cut-off [Hz], and True if recorded speeds are used, False if positions are
+        differentiated.
     """
     top = cutoff or highest(stretches)
-    best, least = Choice(top, speeds=False), np.inf
+    best, least = (top, False), np.inf
     is_recorded = all(one.v is not None for one in stretches)
     if cutoff and not is_recorded:
         return best
@@ -94,7 +88,7 @@ def chosen(
         if error.min() < least:
             least = error.min()
             good = np.array(tried)[error <= least + np.log1p(_TOLERANCE)]
-            best = Choice(float(np.sqrt(good[0] * good[-1])), speeds)
+            best = float(np.sqrt(good[0] * good[-1])), speeds
     return best
 
 

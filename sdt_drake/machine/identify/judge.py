@@ -108,7 +108,7 @@ def judge(
     parts, _ = parts_of((), recorded, 1.0)
     nothing = Unknown.nothing()
     stretches = [stretch for *_, stretch in few_of(parts, CUTOFFS[-1])]
-    cutoff = chosen(robot, nothing, belief(robot, nothing), stretches, cutoff).cutoff
+    cutoff, _ = chosen(robot, nothing, belief(robot, nothing), stretches, cutoff)
     own = friction_parameters(friction or Friction(), robot.n)
     law = FrictionLaw("file", (VISCOUS, COULOMB, OFFSET, Term("stribeck", own.stribeck_speed)))
     eq = equations(robot, nothing, few_of(parts, cutoff), cutoff, lambda fastest: (law,))

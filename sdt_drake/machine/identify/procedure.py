@@ -22,7 +22,7 @@ from sdt_drake.machine.identify.consistency import (
     nearest_consistent,
     rigid_scale,
 )
-from sdt_drake.machine.identify.cutoff import CUTOFFS, Choice, chosen
+from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
 from sdt_drake.machine.identify.filtering import (
@@ -210,7 +210,7 @@ def identify(
         predicted=predicted,
         cutoff=cutoff,
         speeds=speeds,
-        notes=(*notes, *_left_out(parts, few), *_speeds_in_words(parts, speeds), *_repeated(eq)),
+        notes=(*notes, *_compared(parts, few, eq, speeds)),
         findings=tuple(findings),
     )
 
@@ -239,12 +239,12 @@ def parts_of(
 
 def _choice(
     robot: Robot, unknown: Unknown, prior: Prior, parts: Parts, cutoff: float | None
-) -> Choice:
+) -> tuple[float, bool]:
     """Choose the cut-off, unless it is given, and the source of speeds, by the fitted data."""
     fitted = [(source, end, stretch.before(end)) for source, end, stretch in parts]
     fitted = [part for part in fitted if len(part[2].q) > MIN_SAMPLES]
     if not fitted:
-        return Choice(cutoff or CUTOFFS[0], speeds=False)
+        return cutoff or CUTOFFS[0], False
     return chosen(robot, unknown, prior, [one for *_, one in few_of(fitted, CUTOFFS[-1])], cutoff)
 
 
@@ -260,22 +260,20 @@ def few_of(parts: Parts, cutoff: float) -> Parts:
     return few
 
 
-def _left_out(parts: Parts, few: Parts) -> Iterator[str]:
-    """Yield a sentence on the parts that `few_of` leaves out."""
+def _compared(parts: Parts, few: Parts, eq: Equations, speeds: bool) -> Iterator[str]:
+    """Yield sentences on what is compared.
+
+    They tell the parts that `few_of` leaves out, the source of speeds if some were recorded, and
+    held-out data that repeat the fitted motion.
+    """
     lasts, whole = (sum(x.end - x.start for *_, x in every) for every in (few, parts))
     if lasts < whole:
         yield f"{lasts:.3g} s of {whole:.3g} s are compared, in {len(few)} evenly spread parts"
 
-
-def _speeds_in_words(parts: Parts, used: bool) -> Iterator[str]:
-    """Yield a sentence on the source of speeds, if some were recorded."""
     if all(stretch.v is not None for *_, stretch in parts):
-        one, other = ("recorded", "differentiated")[:: 1 if used else -1]
+        one, other = ("recorded", "differentiated")[:: 1 if speeds else -1]
         yield f"{one} speeds are used: they predict torques better than {other} ones"
 
-
-def _repeated(eq: Equations) -> Iterator[str]:
-    """Yield a sentence if the held-out data repeat the fitted motion."""
     sizes = [np.maximum(x.std(axis=0), 1e-9) for x in (eq.q, eq.v, eq.vd)]  # 0 of a joint at rest
     states = np.hstack([x / size for x, size in zip((eq.q, eq.v, eq.vd), sizes, strict=True)])
     away, _ = cKDTree(states[eq.fit]).query(states[~eq.fit])
