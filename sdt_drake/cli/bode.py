@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated, Any
+import math
+from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
@@ -42,7 +42,9 @@ def run(
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
     echo(f"{chosen.summary().title}: {_verdict(response, design.device.simulated)}")
-    print_joints(design.device.simulated.joint_names, _columns(response))
+    columns = response.columns()
+    columns.insert(1, ("[Hz]", ".3f", response.bandwidth / (2 * math.pi)))  # behind [rad/s]
+    print_joints(design.device.simulated.joint_names, columns)
     cut = f"the loop is cut at {response.cut}"
     if response.at_positions:
         cut += f", sampled every {design.reference.tracked.period:g} s"
@@ -63,18 +65,6 @@ def run(
         lambda: sdt.plots.bode(title, response, design.device.simulated.joint_names),
         response.results(title).write,
     )
-
-
-def _columns(response: FrequencyResponse) -> list[tuple[str, str, Iterable[Any]]]:
-    """Return the columns of the table, with the bandwidth also in Hz."""
-    import numpy as np
-
-    columns: list[tuple[str, str, Iterable[Any]]] = []
-    for header, spec, values in response.columns():
-        columns.append((header, spec, values))
-        if header == "bandwidth [rad/s]":
-            columns.append(("[Hz]", ".3f", values / (2 * np.pi)))
-    return columns
 
 
 def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:

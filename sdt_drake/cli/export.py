@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,8 +13,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
 
 if TYPE_CHECKING:
-    from sdt_drake.machine.drive_files.export import Playback
-    from sdt_drake.run.design import Design
+    pass
 
 
 def run(
@@ -81,7 +79,19 @@ def run(
             f"note: {controller.label} takes no torque feedforward, so its loop plays the files "
             "back without their torques"
         )
-    _print_read_back(design, runs, cam_points)
+    names = numbered(design.device.nominal.joint_names)
+    echo(
+        f"Position errors against the planned motion, if {controller.label} on the "
+        f"{design.scenario.plant.kind} plant plays each file back:"
+    )
+    print_table(
+        ("from", *(f"{name} [deg]" for name in names)),
+        [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in runs],
+    )
+    echo(
+        f"cam.csv has up to {cam_points} points; the cubics between them are within "
+        f"{np.degrees(runs[-1].position_off.max()):.2g} deg of the motion. It contains no torques."
+    )
 
 
 def fmu(
@@ -111,22 +121,4 @@ def fmu(
     echo(
         f"It starts at rest, takes steps in multiples of "
         f"{1e3 * design.reference.held.period:g} ms and needs a Python with sdt_drake."
-    )
-
-
-def _print_read_back(design: Design, runs: Sequence[Playback], cam_points: int) -> None:
-    import numpy as np
-
-    scenario, joints = design.scenario, numbered(design.device.nominal.joint_names)
-    echo(
-        f"Position errors against the planned motion, if {scenario.controller.label} on the "
-        f"{scenario.plant.kind} plant plays each file back:"
-    )
-    print_table(
-        ("from", *(f"{joint} [deg]" for joint in joints)),
-        [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in runs],
-    )
-    echo(
-        f"cam.csv has up to {cam_points} points; the cubics between them are within "
-        f"{np.degrees(runs[-1].position_off.max()):.2g} deg of the motion. It contains no torques."
     )

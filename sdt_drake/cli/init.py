@@ -74,7 +74,9 @@ def run(
         raise InputError(f"{folder}: is not empty, expected a new or an empty folder")
     with replacing_files(folder) as new:
         if robot is None:
-            names, then = _start(new), _NEXT
+            names, then = [file.name for file in sorted(_STARTER.iterdir())], _NEXT
+            for name in names:
+                write_text(new / name, (_STARTER / name).read_text(encoding="utf-8"))
         else:
             from sdt_drake.machine.new_robot import write_own
 
@@ -89,11 +91,3 @@ def run(
     for name in names:
         echo(f"  {name}")
     echo(f"\ncd {shlex.quote(str(folder))}{then}")
-
-
-def _start(folder: Path) -> list[str]:
-    """Write the files of an invented device and return their names."""
-    files = sorted(_STARTER.iterdir())
-    for file in files:
-        write_text(folder / file.name, file.read_text(encoding="utf-8"))
-    return [file.name for file in files]

@@ -59,6 +59,8 @@ def _print_all(robot: RobotModel) -> None:
 def _print_one(motion: str, robot: RobotModel) -> None:
     from sdt_drake.motion import load_command, load_profile
     from sdt_drake.pilot.head import has_head
+    from sdt_drake.pilot.illusions import intended_illusion
+    from sdt_drake.pilot.orientation import CAUTION
 
     profile = load_profile(motion)
     command = load_command(motion, robot)
@@ -68,7 +70,11 @@ def _print_one(motion: str, robot: RobotModel) -> None:
     if profile.feels or profile.description:
         echo_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
     if profile.illusion and has_head(robot):
-        _print_prediction(motion, robot)
+        found = intended_illusion(motion, robot)
+        assert found is not None, "the profile names its intended illusion"
+        for model in found.predicted:
+            echo_wrapped(found.sentence(model))
+        echo_wrapped(CAUTION)
     echo()
     print_table(
         ("segment", "from [s]", "to [s]"),
@@ -83,18 +89,6 @@ def _print_one(motion: str, robot: RobotModel) -> None:
     if profile.notes:
         echo()
         echo_wrapped(f"notes: {profile.notes}")
-
-
-def _print_prediction(motion: str, robot: RobotModel) -> None:
-    """Print for each parameter set whether it predicts the intended illusion."""
-    from sdt_drake.pilot.illusions import intended_illusion
-    from sdt_drake.pilot.orientation import CAUTION
-
-    found = intended_illusion(motion, robot)
-    assert found is not None, "the profile names its intended illusion"
-    for model in found.predicted:
-        echo_wrapped(found.sentence(model))
-    echo_wrapped(CAUTION)
 
 
 def _largest_g(command: Command, robot: RobotModel) -> str:

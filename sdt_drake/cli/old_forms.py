@@ -2,100 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from sdt_drake.cli import SUBCOMMANDS
 
-_FLAGS = ("--judge", "--all", "--trust", "--show", "--resume", "--help", "-h")
-_MANY = {"identify": ("--validate",), "learn": ("--recording",)}
-"""Options with one or more values by their command."""
+_FLAGS = ("--all", "--trust", "--show", "--resume", "--help")
+"""Options without a value; all others have one."""
 
-_WEIGHTS = {"pi": "1", "p_in_feedback": "0"}
-"""Set-point weights by the old names of the structures."""
-
-_Options = list[tuple[str, list[str]]]
+_LINE = "'{}' is '{}' now; the old form goes in 0.7"
 
 
 def modern(words: Sequence[str]) -> tuple[list[str], str]:
     """Return a command line in today's form, and a line that names the new form of an old one."""
-    if not words:
-        return [], ""
-    command, positional, options = words[0], *_parsed(words)
-    given = dict(options)
-    own = (positional, [one for one in options if one[0] not in _OWN.get(command, ())])
-    if command == "identify" and "--judge" in given:
-        return _judge(*own), _line("identify --judge", "judge ROBOT RECORDING")
-    if command == "pilot" and "--validate" in given:
-        return _joined(["pilot", "validate"], *own), _line("pilot --validate", "pilot validate")
-    if command == "pilot" and "--pilots" in given and positional[:1] != ["people"]:
-        new = _joined(["pilot", "people"], positional, options)
-        return new, _line("pilot MOTION --pilots", "pilot people MOTION --pilots")
-    if command == "export" and "--fmu" in given:
-        renamed = [
-            (new, given[old]) for old, new in (("--fmu", "--out"), ("--fmu-input", "--input"))
-            if old in given
-        ]  # fmt: skip
-        new = _joined(["export", "fmu"], positional, [*renamed, *own[1]])
-        return new, _line("export --fmu", "export fmu SCENARIO --out")
-    if command == "learn" and "--recording" in given:
-        new = ["learn", "update"]
-        if "--state" in given:
-            new += [*given["--state"], *given["--recording"]]
-        scenario = [("--scenario", positional)] * bool(positional)
-        return _joined(new, [], [*scenario, *own[1]]), _line(
-            "learn --recording --state", "learn update STATE RECORDING"
-        )
-    if command == "step" and "--structure" in given:
-        weight = ("--setpoint-weight", [_WEIGHTS.get(x, x) for x in given["--structure"]])
-        new = _joined(["step"], positional, [weight, *own[1]])
-        return new, _line("step --structure", "step --setpoint-weight")
-    if command == "study" and positional and positional[0] not in SUBCOMMANDS["study"]:
-        return ["study", "run", *words[1:]], _line("study STUDY", "study run STUDY")
+    command, rest = words[:1], list(words[1:])
+    names = [word.partition("=")[0] for word in rest]
+    for old, (new, form) in _FORMS.items():
+        own, option = old.split()
+        if [own] == command and option in names and rest[0] != "people":
+            today = [word for word in new.split() if word.isalpha() and word.islower()]
+            return [*today, *form(rest)], _LINE.format(old, new)
+    if command == ["study"] and any(rest[k] not in SUBCOMMANDS["study"] for k in _first(rest)):
+        return ["study", "run", *rest], _LINE.format("study STUDY", "study run STUDY")
     return [*words], ""
 
 
-_OWN = {
-    "identify": ("--judge",),
-    "pilot": ("--validate",),
-    "export": ("--fmu", "--fmu-input"),
-    "learn": ("--recording", "--state"),
-    "step": ("--structure",),
+def _first(words: Sequence[str], skipped: int = 0) -> list[int]:
+    """Return the index of the first word that is neither an option nor its value, if there is one.
+
+    `skipped` such words are left out.
+    """
+    before = ("", *words)
+    takes = [word.startswith("--") and "=" not in word and word not in _FLAGS for word in before]
+    plain = [k for k, x in enumerate(words) if not x.startswith("--") and not takes[k]]
+    return plain[skipped : skipped + 1]
+
+
+def _judge(words: list[str]) -> list[str]:
+    words.remove("--judge")
+    files = [k for k in _first(words, 1) if Path(words[k]).suffix in (".yaml", ".yml")]
+    friction = [x for k in files for x in ("--friction", words.pop(k))]
+    return [*words, *friction]
+
+
+def _update(words: list[str]) -> list[str]:
+    from argparse import ArgumentParser
+
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--recording", nargs="*")
+    parser.add_argument("--state", nargs="?")
+    given, words = parser.parse_known_args(words)
+    scenario = [x for k in _first(words) for x in ("--scenario", words.pop(k))]
+    state = [given.state, *given.recording] if given.state else []
+    return [*state, *scenario, *words]
+
+
+def _renamed(words: list[str], names: dict[str, str]) -> list[str]:
+    parts = (word.partition("=") for word in words)
+    return ["".join(names.get(part, part) for part in word) for word in parts]
+
+
+_FMU = {"--fmu": "--out", "--fmu-input": "--input"}
+_WEIGHT = {"--structure": "--setpoint-weight", "pi": "1", "p_in_feedback": "0"}
+_FORMS: dict[str, tuple[str, Callable[[list[str]], list[str]]]] = {
+    "identify --judge": ("judge ROBOT RECORDING", _judge),
+    "pilot --validate": ("pilot validate", lambda words: [x for x in words if x != "--validate"]),
+    "pilot --pilots": ("pilot people MOTION --pilots", list),
+    "export --fmu": ("export fmu SCENARIO --out", lambda words: _renamed(words, _FMU)),
+    "learn --recording": ("learn update STATE RECORDING", _update),
+    "step --structure": ("step --setpoint-weight", lambda words: _renamed(words, _WEIGHT)),
 }
-"""Options of old forms by their command."""
-
-
-def _line(old: str, new: str) -> str:
-    return f"'{old}' is '{new}' now; the old form goes in 0.7"
-
-
-def _judge(positional: list[str], options: _Options) -> list[str]:
-    robot, files = positional[:1], positional[1:]
-    if files and Path(files[0]).suffix in (".yaml", ".yml"):
-        options = [*options, ("--friction", [files.pop(0)])]
-    return _joined(["judge"], [*robot, *files], options)
-
-
-def _joined(command: list[str], positional: Sequence[str], options: _Options) -> list[str]:
-    return [*command, *positional, *(word for name, values in options for word in (name, *values))]
-
-
-def _parsed(words: Sequence[str]) -> tuple[list[str], _Options]:
-    """Return the positional words of a command line, and its options with their values."""
-    command, *rest = words
-    flags = (*_FLAGS, *(["--validate"] * (command == "pilot")))
-    positional: list[str] = []
-    options: _Options = []
-    lacking = 0.0  # values that belong to the last option
-    for word in rest:
-        if word.startswith("--"):
-            name, equals, value = word.partition("=")
-            options.append((name, [value] if equals else []))
-            many = name in _MANY.get(command, ())
-            lacking = 0 if equals or name in flags else float("inf") if many else 1
-        elif lacking:
-            options[-1][1].append(word)
-            lacking -= 1
-        else:
-            positional.append(word)
-    return positional, options
+"""New forms by old ones, and functions from the words behind the old command to those behind."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -58,15 +59,13 @@ def run(
 
     common.check_out(out, show, [".csv"])
     if drive_table is not None:
-        _check_drive_table(drive_table, out)
+        with within("--drive-table"):
+            common.check_file(drive_table, [".csv"])
+        if out is not None and drive_table.resolve() == out.resolve():
+            text = f"--drive-table: {drive_table} is the file of --out too, expected another file"
+            raise InputError(text)
     model = sdt.load_robot(robot or common.ROBOT) if envelope is None else driven(envelope, robot)
-    plan = load_plan(
-        motion,
-        model,
-        period=period,
-        torque_margin=torque_margin,
-        planner=planner,
-    )
+    plan = load_plan(motion, model, period=period, torque_margin=torque_margin, planner=planner)
     report = margins(model, plan.motion)
     if drive_table:
         with within(drive_table):
@@ -76,19 +75,8 @@ def run(
     if drive_table:
         echo(f"{drive_table} written")
     title = f"{Path(motion).name}, {planner}: {_duration(plan)}"
-    common.deliver(
-        out,
-        show,
-        lambda: sdt.plots_motion.plan(title, model, plan, report),
-        plan.motion.to_csv,
-    )
-
-
-def _check_drive_table(table: Path, out: Path | None) -> None:
-    with within("--drive-table"):
-        common.check_file(table, [".csv"])
-    if out is not None and table.resolve() == out.resolve():
-        raise InputError(f"--drive-table: {table} is the file of --out too, expected another file")
+    figure = partial(sdt.plots_motion.plan, title, model, plan, report)
+    common.deliver(out, show, figure, plan.motion.to_csv)
 
 
 def driven(path: str, robot: str | None) -> RobotModel:
@@ -140,11 +128,8 @@ def _print_report(
     import numpy as np
 
     motion = plan.motion
-    share = (
-        ""
-        if plan.torque_margin == 1
-        else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
-    )
+    share = f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
+    share *= plan.torque_margin != 1
     place = report.smallest
     echo(
         f"{name}: {_duration(plan)}, feasible{share}; smallest margin "

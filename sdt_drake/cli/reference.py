@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.cli.common import Out, check_file, check_folder
@@ -12,7 +11,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 
 if TYPE_CHECKING:
-    from sdt_drake.show.reference import Chapter, Sheet
+    from sdt_drake.show.reference import Chapter
 
 _WIDTH = 80  # columns
 
@@ -27,7 +26,7 @@ def run(topic: str | None = None, /, *, out: Out = None) -> None:
         out: file for the reference of the topic (.md) or for the JSON Schema of its files
             (.json); without a topic, folder for both of all topics
     """
-    from sdt_drake.show.reference import FILES, TOPICS, write_reference
+    from sdt_drake.show.reference import FILES, TOPICS, schema_text, write_reference
 
     if topic is None:
         if out is not None:
@@ -40,36 +39,24 @@ def run(topic: str | None = None, /, *, out: Out = None) -> None:
             echo(f"{name:12s}  {make().title}{schema}")
         return
     one_of(topic, "TOPIC", tuple(TOPICS))
-    if out is not None:
-        _write(topic, out)
+    chapter = TOPICS[topic]()
+    if out is None:
+        _print(chapter)
         return
-    _print(TOPICS[topic]())
-
-
-def _write(topic: str, out: Path) -> None:
-    from sdt_drake.show.reference import FILES, TOPICS, schema_text
-
     check_file(out, (".md", ".json"))
     if out.suffix == ".json" and topic not in FILES:
         raise InputError(
             f"{out}: {topic} has no JSON Schema, expected one of {', '.join(FILES)}, or .md"
         )
-    text = schema_text(topic) if out.suffix == ".json" else f"{TOPICS[topic]().markdown()}\n"
-    write_text(out, text)
+    write_text(out, schema_text(topic) if out.suffix == ".json" else f"{chapter.markdown()}\n")
     echo(f"{out} written")
 
 
 def _print(chapter: Chapter) -> None:
     for k, sheet in enumerate(chapter.sheets):
-        if k:
-            echo()
-        _print_sheet(sheet.title or chapter.title, sheet)
-
-
-def _print_sheet(title: str, sheet: Sheet) -> None:
-    echo(title)
-    for paragraph in sheet.text.split("\n\n"):
-        echo_wrapped(paragraph, "", "", _WIDTH)
-    for row in sheet.rows:
-        echo_wrapped(f"{row[0]}: {sheet.details(row)}", "  ", "  ", _WIDTH)
-        echo_wrapped(row[-1], "      ", "      ", _WIDTH)
+        echo("\n" * (k > 0) + (sheet.title or chapter.title))
+        for paragraph in sheet.text.split("\n\n"):
+            echo_wrapped(paragraph, "", "", _WIDTH)
+        for row in sheet.rows:
+            echo_wrapped(f"{row[0]}: {sheet.details(row)}", "  ", "  ", _WIDTH)
+            echo_wrapped(row[-1], "      ", "      ", _WIDTH)

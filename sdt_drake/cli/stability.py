@@ -74,19 +74,12 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
     import numpy as np
 
     shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
-    columns = [
-        (
-            f"{sweep.ratio[i]:g}",
-            "",
-            [
-                f"{damping:.2f}, {overshoot:.0f} %" if damping > 0 else "unstable"
-                for damping, overshoot in zip(
-                    sweep.damping[i], sweep.overshoot_percent[i], strict=True
-                )
-            ],
-        )
-        for i in shown
-    ]
+
+    def cells(i: int) -> list[str]:
+        by_joint = zip(sweep.damping[i], sweep.overshoot_percent[i], strict=True)
+        return [f"{zeta:.2f}, {over:.0f} %" if zeta > 0 else "unstable" for zeta, over in by_joint]
+
+    columns = [(f"{sweep.ratio[i]:g}", "", cells(i)) for i in shown]
     first = np.where(np.isinf(sweep.unstable_from), np.nan, sweep.unstable_from)
     print_joints(joint_names, [*columns, ("unstable from", ".3f", first)])
 
@@ -97,15 +90,13 @@ def _notes(design: Design, omega_r: float) -> list[str]:
     from sdt_drake.run.options import option_names
 
     plant, choice = design.scenario.plant, design.scenario.controller
+    inertia = "its largest inertia" if plant.i_eff is None else "the inertia of plant.i_eff"
+    notes = [f"Each axis stands alone, with {inertia}."]
     if not stands_alone(design):
         notes = [
             f"{choice.kind} needs the coupled plant: one joint at a time is elastic, the others "
             "are rigid. The plant is linearised where the joint's inertia is largest."
         ]
-    elif plant.i_eff is None:
-        notes = ["Each axis stands alone, with its largest inertia."]
-    else:
-        notes = ["Each axis stands alone, with the inertia of plant.i_eff."]
     own = " ".join(f"{ratio:.3f}" for ratio in own_ratio(design, omega_r))
     notes.append(f"omega_n / omega_r of the scenario's own gains: {own}")
     if design.drive.period is not None and stands_alone(design):

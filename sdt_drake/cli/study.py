@@ -70,16 +70,9 @@ def study_summary(name: str, table: StudyTable) -> str:
     from sdt_drake.studies.summary import failures
     from sdt_drake.studies.table import ANSWERS
 
-    answered = table.status.isin(ANSWERS).sum()
-    return "; ".join(
-        filter(
-            None,
-            [
-                f"{name}: {answered} of {len(table) + table.missing} runs have a result",
-                failures(table),
-            ],
-        )
-    )
+    count, answered = len(table) + table.missing, table.status.isin(ANSWERS).sum()
+    parts = f"{name}: {answered} of {count} runs have a result", failures(table)
+    return "; ".join(filter(None, parts))
 
 
 def run_into(

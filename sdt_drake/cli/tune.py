@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Given, OmegaR, OtherRobot, Out, Show, one_of
+from sdt_drake.cli.common import Given, OmegaR, OtherRobot, Out, Show, one_of
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import RESULT_TABLES, Results
@@ -56,22 +56,18 @@ def run(
     if is_scenario:
         for name, value in (("robot", robot), ("period", period)):
             common.refuse(f"has no effect on a scenario, use --set {name}=...", **{name: value})
-        design = _of_scenario(what, own, given.changes)
+        fields = ((f"controller.{name}", x) for name, x in own.items() if x is not None)
+        design = common.design_of(what, (*given.changes, *fields))
     else:
         common.refuse_changes(given.changes, what)
         design = _of_motion(what, robot or common.ROBOT, period, own)
-    tuning = design.tuning
-    numbers = tuning.numbers
+    tuning, numbers = design.tuning, design.tuning.numbers
     _print_gains(design, numbers)
     for line in _notes(design, is_scenario, own):
         echo(line)
-    joints = range(1, design.device.simulated.n + 1)
-    columns: dict[str, Any] = {
-        "joint": joints,
-        "name": design.device.simulated.joint_names,
-        **numbers,
-    }
-    about = {"title": what, "omega_r": design.tuning.omega_r}
+    names = design.device.simulated.joint_names
+    columns = {"joint": range(1, len(names) + 1), "name": names, **numbers}
+    about = {"title": what, "omega_r": tuning.omega_r}
     common.deliver(
         out,
         show,
@@ -84,12 +80,6 @@ def run(
         ),
         Results(about, columns).write,
     )
-
-
-def _of_scenario(path: str, given: Mapping[str, Any], changes: Changes) -> Design:
-    given = {name: value for name, value in given.items() if value is not None}
-    own = ((f"controller.{name}", value) for name, value in given.items())
-    return common.design_of(path, (*changes, *own))
 
 
 def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str, Any]) -> Design:

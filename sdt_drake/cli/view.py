@@ -72,16 +72,8 @@ def run(
         record_html(model, time, q, record, title=title, pilot=pilot, story=story)
         echo(f"{record} written")
         return
-    play(
-        model,
-        time,
-        q,
-        rate=rate or 1.0,
-        pilot=pilot,
-        port=port,
-        once=once,
-        announce=_announcing(title, once, has_head(model)),
-    )
+    announce = _announcing(title, once, has_head(model))
+    play(model, time, q, rate=rate or 1.0, pilot=pilot, port=port, once=once, announce=announce)
 
 
 def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]:
@@ -132,8 +124,7 @@ def _motion(
             f"{what}: expected a .yaml, .csv, .mat or .parquet file, or a shipped name"
         )
     if common.is_scenario(what):
-        instead = f"has no effect on a scenario, use --set robot={robot}"
-        common.refuse(instead, robot=robot)
+        common.refuse(f"has no effect on a scenario, use --set robot={robot}", robot=robot)
         return _simulated(what, check_head if pilot else None, changes)
     file = find_file(what, *kinds)
     common.refuse_changes(changes, what)

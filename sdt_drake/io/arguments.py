@@ -118,9 +118,8 @@ def _in_words(hint: Any) -> str:
 def a_path(value: Any, name: str) -> str | Path:
     """Return the path of a file or the name of a shipped one."""
     if not isinstance(value, str | os.PathLike):
-        raise InputError(
-            f"a {type(value).__name__}, expected a path, as a str or a Path", place=name
-        )
+        text = f"a {type(value).__name__}, expected a path, as a str or a Path"
+        raise InputError(text, place=name)
     return value if isinstance(value, str) else Path(value)
 
 
@@ -136,16 +135,13 @@ def one_of(value: str, name: str, choices: Collection[str]) -> str:
 
 def finite_number(value: Any, name: str, *, minimum: float = -math.inf) -> float:
     """Return `value` as a finite number >= `minimum`."""
-    if not _is_number(value) or value < minimum:
-        raise _no_number(value, name, f" >= {minimum:g}" if math.isfinite(minimum) else "")
-    return float(value)
+    bound = f" >= {minimum:g}" if math.isfinite(minimum) else ""
+    return _number(value, name, bound, lambda x: x >= minimum)
 
 
 def positive(value: Any, name: str) -> float:
     """Return `value` as a finite number > 0."""
-    if not _is_number(value) or value <= 0:
-        raise _no_number(value, name, " > 0")
-    return float(value)
+    return _number(value, name, " > 0", lambda x: x > 0)
 
 
 def share(value: Any, name: str) -> float:
@@ -155,13 +151,11 @@ def share(value: Any, name: str) -> float:
     return float(value)
 
 
-def _is_number(value: Any) -> bool:
-    return bool(isinstance(value, Real) and abs(cast(float, value)) <= MAX_NUMBER)
-
-
-def _no_number(value: object, name: str, bound: str) -> InputError:
-    text = f"{one_line(value)}, expected a finite number{bound}{at_most(value)}"
-    return InputError(text, place=name)
+def _number(value: Any, name: str, bound: str, holds: Callable[[float], bool]) -> float:
+    if not (isinstance(value, Real) and abs(cast(float, value)) <= MAX_NUMBER and holds(value)):
+        text = f"{one_line(value)}, expected a finite number{bound}{at_most(value)}"
+        raise InputError(text, place=name)
+    return float(value)
 
 
 def whole_number(value: Any, name: str) -> int:
@@ -174,15 +168,12 @@ def whole_number(value: Any, name: str) -> int:
 def whole_periods(duration: float, period: float, name: str) -> int:
     """Return the number of periods [s] in `duration` [s], a whole multiple of the period."""
     if not duration / MAX_PERIODS <= period:
-        raise InputError(
-            f"period {period:g} s, expected at least a {MAX_PERIODS}th of {duration:g} s",
-            place=name,
-        )
+        text = f"period {period:g} s, expected at least a {MAX_PERIODS}th of {duration:g} s"
+        raise InputError(text, place=name)
     count = round(duration / period)
     if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
-        raise InputError(
-            f"{duration:g} s is not a whole multiple of the period {period:g} s", place=name
-        )
+        text = f"{duration:g} s is not a whole multiple of the period {period:g} s"
+        raise InputError(text, place=name)
     return count
 
 
@@ -200,14 +191,9 @@ def chosen_joints(joint: int | None, n: int, name: str = "joint") -> Sequence[in
 
 def positives(values: ArrayLike, name: str, n: int | None = None) -> Array:
     """Return `values` as finite numbers > 0, one for each joint, shape (n,); any n by default."""
-    import numpy as np
-
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
+    array = _array(values)
     is_list = array.ndim == 1 and len(array) > 0 and (n is None or len(array) == n)
-    if not is_list or not (np.isfinite(array) & (array > 0)).all():
+    if not is_list or not ((array > 0) & (array < math.inf)).all():
         accepted = f"a list of {'' if n is None else f'{n} '}finite numbers > 0, one for each joint"
         raise InputError(f"{one_line(values)}, expected {accepted}", place=name)
     return array
@@ -215,21 +201,25 @@ def positives(values: ArrayLike, name: str, n: int | None = None) -> Array:
 
 def finite(shape: str) -> Check:
     """Return a check for arrays of finite numbers. `shape` gives the dimensions: "(N + 1, n)"."""
-    import numpy as np
 
     def checked(value: Any, name: str) -> Array:
-        try:
-            array = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            array = np.array(np.nan)
+        array = _array(value)
         if array.ndim != shape.count(",") + (not shape.endswith(",)")) or not array.size:
             given = f"of shape {array.shape}" if array.ndim else one_line(value)
             raise InputError(f"{given}, expected numbers of shape {shape}", place=name)
-        for place in np.argwhere(~np.isfinite(array)):
+        for place in zip(*(~(abs(array) < math.inf)).nonzero(), strict=True):
             where = ", ".join(map(str, place))
-            raise InputError(
-                f"{array[tuple(place)]}, expected finite numbers", place=f"{name}[{where}]"
-            )
+            raise InputError(f"{array[place]}, expected finite numbers", place=f"{name}[{where}]")
         return array
 
     return checked
+
+
+def _array(values: ArrayLike) -> Array:
+    """Return numbers as an array; NaN if they are no numbers."""
+    import numpy as np
+
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)

@@ -162,11 +162,10 @@ def field(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: An
         rules: arguments of pydantic's `Field`.
     """
     extra: dict[str, Any] = {name: text for name, text in (("unit", unit), ("side", side)) if text}
+    rules["json_schema_extra"] = extra
     if callable(default):
-        made: dict[str, Any] = {"default_factory": functools.cache(default)}
-    else:
-        made = {"default": default}
-    return dataclasses.field(**made, metadata={"json_schema_extra": extra, **rules})
+        return dataclasses.field(default_factory=functools.cache(default), metadata=rules)
+    return dataclasses.field(default=default, metadata=rules)
 
 
 class Input:
@@ -222,24 +221,18 @@ class Input:
         thing = read({name: _plain(value) for name, value in data.items() if name != "_tag"})
         vars(thing).update({name: _frozen(value) for name, value in vars(thing).items()})
         thing.complete()
-        return _ruled(thing)
+        problems: list[Problem] = []
+        try:
+            problems.extend(Problem(text, place=place) for place, text in thing.problems())
+        except InputError as error:
+            problems += error.problems
+        if problems:
+            raise refused(*problems)
+        return thing
 
 
 class Variant(Input):
     """Base class of the models that files choose by a tag."""
-
-
-def _ruled(thing: Input) -> Input:
-    """Check the rules between fields of a model."""
-    problems: list[Problem] = []
-    try:
-        for place, text in thing.problems():
-            problems.append(Problem(text, place=place))
-    except InputError as error:
-        problems += error.problems
-    if problems:
-        raise refused(*problems)
-    return thing
 
 
 # --- the check -------------------------------------------------------------------------------
@@ -293,8 +286,7 @@ def _made(
     context = {**context, "mappings": count()}
     validator = adapter(cast(Any, schema)).validator
     try:
-        made_ = validator.validate_python(data, context=context, self_instance=instance)
-        return cast(T, made_)
+        return cast(T, validator.validate_python(data, context=context, self_instance=instance))
     except ValidationError as error:
         problems = [*problems_of(error, schema, where, is_file="folder" in context)]
     raise InputError(*problems)

@@ -258,16 +258,6 @@ def _check_kind(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def _telling_of(folder: Path, new: Path) -> Iterator[None]:
-    """Name `folder` in place of the temporary folder `new` in messages."""
-    try:
-        yield
-    except InputError as error:
-        texts = (f"{one}".replace(f"{new}", f"{folder}") for one in error.problems)
-        raise InputError(*texts) from None
-
-
-@contextlib.contextmanager
 def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` if the block succeeds.
 
@@ -282,27 +272,25 @@ def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
         InputError: a file in `folder` cannot be written, or is protected by `keeping_inputs`.
     """
     new = folder / f".{os.urandom(8).hex()}.partial"
-    with contextlib.ExitStack() as kept:
-        kept.enter_context(_telling_of(folder, new))
-        released = kept.enter_context(holding_signals())
-        try:
-            kept.enter_context(_made([folder]))
-            new.mkdir()
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
-        kept.callback(shutil.rmtree, new, ignore_errors=True)
-        with released():
-            yield new
-        _move(new, folder, last)
-
-
-def _move(new: Path, folder: Path, last: str) -> None:
-    """Move all files of a folder into another one, all or none."""
-    files = sorted(path for path in new.rglob("*") if path.is_file())
-    files.sort(key=lambda path: path.name == last)
-    with replacing_all([folder / path.relative_to(new) for path in files]) as partials:
-        for path, partial in zip(files, partials, strict=True):
-            shutil.move(path, partial)  # a link in `folder` may point to another disk
+    try:
+        with contextlib.ExitStack() as kept:
+            released = kept.enter_context(holding_signals())
+            try:
+                kept.enter_context(_made([folder]))
+                new.mkdir()
+            except OSError as error:
+                raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+            kept.callback(shutil.rmtree, new, ignore_errors=True)
+            with released():
+                yield new
+            files = sorted(path for path in new.rglob("*") if path.is_file())
+            files.sort(key=lambda path: path.name == last)
+            with replacing_all([folder / path.relative_to(new) for path in files]) as partials:
+                for path, partial in zip(files, partials, strict=True):
+                    shutil.move(path, partial)  # a link in `folder` may point to another disk
+    except InputError as error:  # names the folder in place of the temporary one
+        texts = (f"{one}".replace(f"{new}", f"{folder}") for one in error.problems)
+        raise InputError(*texts) from None
 
 
 # --- one process at a time -------------------------------------------------------------------

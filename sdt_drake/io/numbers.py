@@ -118,11 +118,11 @@ def read_numbers(
     }
     data, cut = _loaded(path, style, len(names), texts), ""
     if data is None and logged:
-        empty, cut, count = _gaps(path, style, len(names), texts)
-        texts = empty | texts
-        data = _loaded(path, style, len(names), texts, count)
+        cut, count = _ending(path, style, len(names), texts)
+        gaps: Converters = dict.fromkeys(range(len(names)), _number_or_nan)
+        data = _loaded(path, style, len(names), gaps | texts, count)
     if data is None or len(data) < min_rows:
-        raise _bad_line(path, len(names), style, texts, " or decimal: comma" * logged)
+        raise _bad_line(path, len(names), style, texts, logged)
     if not style.header:
         names = [str(k + 1) for k in range(data.shape[1])]
     return Numbers(path, names, data, style, cut)
@@ -204,32 +204,15 @@ def _loaded(
     return data if data.shape[1] == width else None
 
 
-def _gaps(
-    path: Path, style: Style, width: int, texts: Container[int | str]
-) -> tuple[Converters, str, int]:
-    """Find empty cells and an incomplete last line.
-
-    Returns:
-        Converters for the columns with empty cells, the incomplete last line or "", and the number
-        of complete rows.
-    """
-    empty: set[int] = set()
-    cells: list[str] = []
+def _ending(path: Path, style: Style, width: int, texts: Container[int | str]) -> tuple[str, int]:
+    """Return an incomplete last line, "" if it is complete, and the number of complete rows."""
     last, count = "", 0
     for _, line in _rows(path, style):
-        empty |= _blank(cells)  # in the previous line
-        cells, last, count = line.rstrip("\r\n").split(style.delimiter), line.strip(), count + 1
+        last, count = line, count + 1
+    cells = last.rstrip("\r\n").split(style.delimiter)
     ends = cells[-1]
     is_whole = len(cells) >= width and (width - 1 in texts or not ends.strip() or is_number(ends))
-    if is_whole:
-        empty |= _blank(cells)
-    converters: Converters = dict.fromkeys(empty, _number_or_nan)
-    return converters, "" if is_whole else last, count - (not is_whole)
-
-
-def _blank(cells: list[str]) -> set[int]:
-    """Return the indices of empty cells."""
-    return {k for k, cell in enumerate(cells) if not cell.strip()}
+    return "" if is_whole else last.strip(), count - (not is_whole)
 
 
 def _number_or_nan(cell: str) -> float:
@@ -265,7 +248,7 @@ def _is_text(cell: str) -> bool:
 
 
 def _bad_line(
-    path: Path, width: int, style: Style, skipped: Container[int | str], or_else: str
+    path: Path, width: int, style: Style, texts: Container[int | str], logged: bool
 ) -> InputError:
     """Return the error of a file that is no rectangular table of numbers."""
     for number, line in _rows(path, style):
@@ -275,8 +258,8 @@ def _bad_line(
                 f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
             )
         for column, cell in enumerate(fields):
-            if column not in skipped and not is_number(cell):
-                expected = f", expected points in the numbers{or_else}"
+            if not (column in texts or is_number(cell) or (logged and not cell.strip())):
+                expected = ", expected points in the numbers" + " or decimal: comma" * logged
                 expected *= is_number(cell.replace(",", "."))
                 wrong = f"'{cell.strip()}' is not a number{expected}"
                 return InputError(f"{path}, line {number}: {wrong}")

@@ -37,20 +37,15 @@ def models_dir() -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent / "models"
 
 
+@cache
 def shipped(*kinds: str) -> dict[str, str]:
     """Return the references (package://sdt/...) of shipped files of some kinds, by short name.
 
     >>> shipped("drives")
     {'drives': 'package://sdt/drives.yaml'}
     """
-    found = (_shipped(kind) for kind in kinds if kind in SHIPPED)
-    return {name: reference for files in found for name, reference in files.items()}
-
-
-@cache
-def _shipped(kind: str) -> dict[str, str]:
-    models = models_dir()
-    files = sorted(models.glob(SHIPPED[kind]))
+    models, patterns = models_dir(), [SHIPPED[kind] for kind in kinds if kind in SHIPPED]
+    files = [file for pattern in patterns for file in sorted(models.glob(pattern))]
     return {file.stem: PACKAGE_PREFIX + file.relative_to(models).as_posix() for file in files}
 
 

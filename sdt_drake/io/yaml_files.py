@@ -49,7 +49,10 @@ def load_yaml(
             f"{path}: is {_NO_YAML[file.suffix]}, expected {a_kind(kind or 'YAML file')}"
         )
     data = read_yaml(file)
-    _refuse_others(data, path, kind)
+    keys = set(data) if isinstance(data, dict) else set()
+    if kind in _KEYS and not keys & _KEYS[kind]:
+        for other in (name for name, own in _KEYS.items() if keys & own):
+            raise InputError(f"{path}: is {a_kind(other)}, expected {a_kind(kind)}")
     if isinstance(data, dict):
         data = put(data, _from_here(changes or {}))
         if hasattr(schema, "name") and data.get("name", "") == "":
@@ -69,13 +72,6 @@ _KEYS = {
     "columns of a flight": {"force", "omega", "force_unit", "omega_unit", "axes", "lever"},
 }
 """Keys that identify the kind of a file."""
-
-
-def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
-    keys = set(data) if isinstance(data, dict) else set()
-    if kind in _KEYS and not keys & _KEYS[kind]:
-        for other in (name for name, own in _KEYS.items() if keys & own):
-            raise InputError(f"{path}: is {a_kind(other)}, expected {a_kind(kind)}")
 
 
 def _from_here(value: Any) -> Any:

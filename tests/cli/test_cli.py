@@ -80,7 +80,7 @@ OLD = {
         "judge sdt a.csv b.csv --cutoff 8 --friction f.yaml",
     "identify sdt --judge a.csv": "judge sdt a.csv",
     "pilot --validate --robot arm.sdf": "pilot validate --robot arm.sdf",
-    "pilot leans --pilots=20 --model slow_yaw": "pilot people leans --pilots 20 --model slow_yaw",
+    "pilot leans --pilots=20 --model slow_yaw": "pilot people leans --pilots=20 --model slow_yaw",
     "export coupled_pi --fmu loop.fmu --fmu-input reference --set a=b":
         "export fmu coupled_pi --out loop.fmu --input reference --set a=b",
     "learn m.yaml --recording a.csv b.csv --state s --of torque":
