@@ -73,10 +73,9 @@ class FrequencyResponse(Shown):
 
     def plot(self, design: Design | None = None) -> Figure:
         """Return a figure of magnitude and phase; a design gives the joints their names."""
-        names = (
-            [""] * len(self.bandwidth) if design is None else design.device.simulated.joint_names
-        )
-        title = "Frequency response" if design is None else design.scenario.summary().title
+        title, names = "Frequency response", [""] * len(self.bandwidth)
+        if design is not None:
+            title, names = design.scenario.summary().title, [*design.device.simulated.joint_names]
         return higher("show.figures.runs:bode")(title, self, names)
 
     def results(self, title: str) -> Results:
@@ -194,7 +193,8 @@ def frequency_response(
         gain[:, mine] = loop.loop_gain(omega)[:, mine]
         for k in mine:
             modes = loop.closed(k).modes_between()
-            stable[k] = is_stable(modes, design.tuning.omega_n[k])
+            # Modes at rest (free positions) do not count.
+            stable[k] = np.all(modes.real < 1e-6 * design.tuning.omega_n[k])
             damping[k] = least_damping(modes, design.tuning.omega_n[k])
     size = np.abs(tracking)
     factors = [_critical_gains(omega, gain[:, k]) for k in range(n)]
@@ -227,11 +227,6 @@ def left_out(design: Design, response: FrequencyResponse) -> list[str]:
         "the margins of an unstable loop have no meaning": not response.stable.all(),
     }
     return [clause for clause, holds in clauses.items() if holds]
-
-
-def is_stable(modes: Complex, omega_n: float) -> bool:
-    """Return whether all modes [1/s] decay; modes at rest (free positions) do not count."""
-    return bool(np.all(modes.real < 1e-6 * omega_n))
 
 
 def _last_fall(omega: Array, size: Array, level: float) -> float:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiagramBuilder, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder
 
 from sdt_drake.analysis.step import StepMetrics, step_metrics
 from sdt_drake.io.arguments import chosen_joints, finite_number, one_of, positive
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, one_line
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, formatted, higher, listed, numbered
@@ -28,7 +28,7 @@ from sdt_drake.run.device import equilibrium
 from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.simulate import MIN_ACCURACY, make_simulator
+from sdt_drake.run.simulate import MIN_ACCURACY, make_simulator, stuck
 from sdt_drake.systems import signal_table
 
 if TYPE_CHECKING:
@@ -311,20 +311,14 @@ def _run(design: Design, input: str, k: int, size: float, first: int, count: int
             try:
                 simulator.AdvanceTo(sample * period + part * (period / SAMPLES))
                 simulator.AdvancePendingEvents()  # so that the row is just after the updates
-                row = np.concatenate(
-                    [port.Eval(x) for port, x in zip(ports, contexts, strict=True)]
-                )
+                evaluated = map(OutputPort.Eval, ports, contexts)
+                row = np.concatenate([*evaluated])
             except RuntimeError as error:
-                raise _stuck(design, context, error) from None
+                raise stuck(design, context, error) from None
             if not np.isfinite(row).all():
-                raise _stuck(design, context, "signals are not finite")
+                raise stuck(design, context, "signals are not finite")
             rows.append(row)
     return np.array(rows[first:])
-
-
-def _stuck(design: Design, context: Context, why: object) -> InputError:
-    place, time = f"scenario '{design.scenario.name}'", context.get_time()
-    return InputError(f"{place}: the simulation is stuck at {time:.6g} s ({one_line(why)})")
 
 
 def _with_step(design: Design, controller: System, input: str, added: Array) -> System:

@@ -108,14 +108,18 @@ def stability_sweep(
 
     @cache
     def feedback(omega_n: float, sample: int) -> StateSpace:
-        return linear_feedback(_tuned(rigid, omega_n), sample)
+        gains = _scaled(rigid.tuning.gains, omega_n)
+        tuned = rigid.scenario.changed({"controller.kp": gains.kp, "controller.ki": gains.ki})
+        return linear_feedback(replace(rigid, scenario=tuned), sample)
 
     shape = len(ratios), n
     damping, overshoot, unstable_from = np.empty(shape), np.full(shape, np.nan), np.empty(n)
 
     def sweep_joint(k: int, sample: int) -> None:
         frequencies = [omega_r if j == k else 0.0 for j in range(n)]
-        process = _elastic_process(rigid, Elasticity(frequencies, damping_ratio, encoder), sample)
+        elasticity = Elasticity(frequencies, damping_ratio, encoder)
+        elastic = rigid.variant(rigid.scenario.changed({"plant.elasticity": elasticity}))
+        process = linear_process(elastic, sample)
 
         def loop(ratio: float) -> StateSpace:
             return close(rigid, process, feedback(ratio * omega_r, sample)).closed(k)
@@ -181,11 +185,7 @@ class Stability(Shown):
 
     def results(self) -> Results:
         """Return the sweeps as columns, with a row for each encoder, drive and ratio."""
-        every = [
-            (encoder, drive, sweep)
-            for encoder, by_drive in self.sweeps.items()
-            for drive, sweep in by_drive.items()
-        ]
+        every = [(x, drive, s) for x, by in self.sweeps.items() for drive, s in by.items()]
         encoders, drives, sweeps = zip(*every, strict=True)
         counts = [len(sweep.ratio) for sweep in sweeps]
         columns = {"encoder": np.repeat(encoders, counts), "drive": np.repeat(drives, counts)}
@@ -277,19 +277,6 @@ def _slow_design(design: Design, drive: Drive) -> Design:
     if stands_alone(design):
         changes |= {"plant.kind": "axis", "plant.i_eff": design.i_eff}
     return design.variant(design.scenario.changed(changes))
-
-
-def _tuned(slow: Design, omega_n: float) -> Design:
-    """Return a design of omega_n = 1 rad/s with gains for another omega_n [rad/s]."""
-    gains = _scaled(slow.tuning.gains, omega_n)
-    changes = {"controller.kp": gains.kp, "controller.ki": gains.ki}
-    return replace(slow, scenario=slow.scenario.changed(changes))
-
-
-def _elastic_process(rigid: Design, elasticity: Elasticity, sample: int) -> StateSpace:
-    """Return the linear process of a rigid design with elastic joints."""
-    scenario = rigid.scenario.changed({"plant.elasticity": elasticity})
-    return linear_process(rigid.variant(scenario), sample)
 
 
 def _scaled(gains: SpeedGains, factor: ArrayLike) -> SpeedGains:

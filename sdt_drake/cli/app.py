@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import os
 import shlex
 import sys
-import traceback
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
@@ -67,7 +65,7 @@ def commands(name: str = "") -> App:
         for order, command in enumerate(names):
             _add(app, command, name, group=group, sort_key=order)
     if name not in COMMANDS:
-        app.register_install_completion_command(help=_COMPLETION)
+        app.command("sdt_drake.cli.install:run", name="--install-completion", help=_COMPLETION)
     return app
 
 
@@ -116,8 +114,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except CycloptsError as error:
-        prog = " ".join(["sdt-drake", *_command_of(words)])
-        text = f"{error}"
+        names = [name for name in words[:1] if name in COMMANDS]
+        names += [x for x in words[1:2] if x in SUBCOMMANDS.get(words[0], ())]
+        prog, text = " ".join(["sdt-drake", *names]), f"{error}"
         text = text if text.endswith("...") else text.removesuffix(".")
         code, lines = BAD_INPUT, [f"{text} (see {prog} --help)"]
     except InputError as error:
@@ -128,7 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
     except (Exception, SystemExit) as error:  # a library or own code may raise the latter
         if "--traceback" in arguments:
-            traceback.print_exc()
+            sys.excepthook(type(error), error, error.__traceback__)
         fault = f"internal error, {type(error).__name__} ({error})"
         where = f"sdt-drake {shlex.join(arguments)}; add --traceback to see where"
         code, lines = FAULT, [f"{fault}, in: {where}"]
@@ -143,19 +142,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _command_of(arguments: Sequence[str]) -> list[str]:
-    """Return the names of command and subcommand in a command line."""
-    names = [name for name in arguments[:1] if name in COMMANDS]
-    return names + [x for x in arguments[1:2] if x in SUBCOMMANDS.get(arguments[0], ())]
-
-
 def _run(arguments: Sequence[str]) -> int:
     if not arguments:
         raise CycloptsError("COMMAND: missing")
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         command, bound, _ = commands(arguments[0]).parse_args(arguments)
-        _check_surroundings(bool(bound.arguments.get("show")))
         given = bound.arguments
+        if arguments[0] in COMMANDS:
+            _check_surroundings(bool(given.get("show")))
         trust = getattr(given.get("given"), "trust", given.get("trust", False))
         try:
             with asking(_ask), trusting(trust):
@@ -187,6 +181,12 @@ def _ask(path: str, digest: str) -> bool:
 
 
 def _check_surroundings(is_shown: bool) -> None:
+    import logging
+
+    logging.basicConfig(format="%(message)s")  # otherwise Drake sets one with names of loggers
+    # Drake logs the errors that it raises, too, and resets the level of its logger when imported.
+    logging.getLogger("drake").addFilter(lambda record: False)
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # of a missing cache folder
     try:
         os.getcwd()
         if is_shown:
@@ -205,12 +205,6 @@ def _prepare_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # for characters that a terminal lacks
-    logging.basicConfig(format="%(message)s")  # otherwise Drake sets one with names of loggers
-    # Drake logs the errors that it raises, too, and resets the level of its logger when imported.
-    logging.getLogger("drake").addFilter(lambda record: False)
-    logging.getLogger("matplotlib").setLevel(
-        logging.ERROR
-    )  # no warning about a missing cache folder
 
 
 def _print_error(message: str) -> None:

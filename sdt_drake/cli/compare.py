@@ -64,7 +64,7 @@ def run(
         )
         echo("the threshold of feeling, about and along the axes of the head")
         echo()
-    rows = [(c.label, ", ".join(c.needs)) for c in compared]
+    rows = [[c.label, ", ".join(c.needs)] for c in compared]
     print_table(("controller", "needs to know"), rows)
     common.deliver(
         out,

@@ -66,7 +66,7 @@ def run(
     for line in _notes(design, is_scenario, own):
         echo(line)
     names = design.device.simulated.joint_names
-    columns = {"joint": range(1, len(names) + 1), "name": names, **numbers}
+    columns: dict[str, Any] = {"joint": range(1, len(names) + 1), "name": names, **numbers}
     about = {"title": what, "omega_r": tuning.omega_r}
     common.deliver(
         out,

@@ -151,7 +151,7 @@ def share(value: Any, name: str) -> float:
     return float(value)
 
 
-def _number(value: Any, name: str, bound: str, holds: Callable[[float], bool]) -> float:
+def _number(value: Any, name: str, bound: str, holds: Callable[[Any], bool]) -> float:
     if not (isinstance(value, Real) and abs(cast(float, value)) <= MAX_NUMBER and holds(value)):
         text = f"{one_line(value)}, expected a finite number{bound}{at_most(value)}"
         raise InputError(text, place=name)

@@ -31,12 +31,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
+from annotated_types import GroupedMetadata
 from pydantic import (
     BeforeValidator,
     Discriminator,
     Field,
     GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
@@ -45,7 +45,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from sdt_drake.io.errors import MAX_PROBLEMS, InputError, Problem, at_most
 from sdt_drake.io.messages import problems_of, refused
-from sdt_drake.io.names import Schema, given_fields, leaves, put
+from sdt_drake.io.names import given_fields, leaves, put
 from sdt_drake.io.resources import beside
 from sdt_drake.io.schema import CONFIG, adapter, expected, schema_of
 
@@ -106,7 +106,7 @@ EachJoint = Annotated[EachJointOrNone[T], Field(min_length=1)]
 
 
 @dataclass(frozen=True)
-class FileOf:
+class FileOf(GroupedMetadata):
     """The path or short name of a file of a kind, see `SHIPPED` in `sdt_drake.io.resources`.
 
     Relative paths start in the folder of the YAML file.
@@ -114,15 +114,8 @@ class FileOf:
 
     kind: str
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return core_schema.with_info_before_validator_function(self._placed, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> Schema:
-        return handler(schema) | {"file": self.kind}
+    def __iter__(self) -> Iterator[object]:
+        return iter((BeforeValidator(self._placed), Field(json_schema_extra={"file": self.kind})))
 
     def _placed(self, text: Any, info: ValidationInfo) -> Any:
         folder = _folder(info)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 import pkgutil
 import re
@@ -53,6 +52,8 @@ class Shown:
 
     def _repr_html_(self) -> str:
         """Return the summary as HTML, for notebooks."""
+        import html
+
         title, header, rows, _ = self.summary()
         heading = f"<b>{type(self).__name__}</b> {html.escape(title)}"
         lines = [[f"<th>{html.escape(name)}</th>" for name in header]]

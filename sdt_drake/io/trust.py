@@ -7,7 +7,6 @@ stored in the user's folder, or `trust=True` or `--trust` for one call.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -89,6 +88,8 @@ _ask: ContextVar[Ask] = ContextVar("ask", default=is_kept)
 
 
 def _key(file: Path, content: bytes) -> tuple[str, str]:
+    import hashlib  # here, as for --help each import counts
+
     return str(checked_name(file.resolve())), hashlib.sha256(content).hexdigest()
 
 

@@ -332,6 +332,8 @@ def margins(robot: Robot, motion: Motion) -> Margins:
     torque = robot.gear_torque(inverse_dynamics(robot, motion.q, motion.v, motion.vd))
     lowest, highest = robot.torque_range(motion.v)
     needed = np.abs(torque)
+    # Between samples angles and speeds change little and monotonically: the ends are checked.
+    end = robot.gear_torque(inverse_dynamics(robot, motion.q[1:], motion.v[1:], motion.vd[:-1]))
     share = {"torque": needed / robot.effort_limit}
     if robot.envelope is not None and robot.envelope.limits:
         available = np.where(torque > 0, highest, -lowest)
@@ -355,7 +357,7 @@ def margins(robot: Robot, motion: Motion) -> Margins:
         lowest=lowest,
         highest=highest,
         rms_torque=np.sqrt(np.mean(torque[:-1] ** 2, axis=0)),  # the last sample has no duration
-        growth=_growth(robot, motion, torque),
+        growth=np.maximum(np.abs(end).max(axis=0) - needed.max(axis=0), 0),
         to_stop=np.minimum(motion.q - lower, upper - motion.q).min(axis=0),
         share=share,
     )
@@ -369,11 +371,3 @@ def _position_share(q: Array, lower: Array, upper: Array) -> Array:
         up, down = (q - start) / (upper - start), (start - q) / (start - lower)
     at_stop = (q <= lower) | (q >= upper)  # also for a start at the limit, without a way to it
     return np.fmax(np.fmax(up, down), at_stop.astype(float))
-
-
-def _growth(robot: Robot, motion: Motion, torque: Array) -> Array:
-    """Return the growth of the peak |torque| between samples [N m], shape (n,)."""
-    # Angles and speeds change little and monotonically: the end of each period is checked.
-    end = inverse_dynamics(robot, motion.q[1:], motion.v[1:], motion.vd[:-1])
-    end = robot.gear_torque(end)
-    return np.maximum(np.abs(end).max(axis=0) - np.abs(torque).max(axis=0), 0)

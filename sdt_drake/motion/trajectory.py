@@ -171,23 +171,19 @@ class Motion(Shown):
         period = float(time[1])
         if abs(period * (len(time) - 1) - time[-1]) > 1e-6 * period:
             period = float(time[-1] / (len(time) - 1))
-        motion = Motion(period, *(columns[name] for name in MOTION_COLUMNS))
-        motion._check_integrals(path)
-        return motion
-
-    def _check_integrals(self, path: str | Path) -> None:
-        """Refuse accelerations and positions that do not fit the speeds."""
-        integral = Motion.from_speeds(self.period, self.q[0], self.v)
-        off_speed = np.abs(self.vd - integral.vd) * self.period
-        for name, off, own, right in (
-            ("vd_ref", off_speed > 1e-6 * (1 + np.abs(self.v)), self.vd, integral.vd),
-            ("q_ref", np.abs(self.q - integral.q) > 1e-4, self.q, integral.q),
+        own = Motion(period, *(columns[name] for name in MOTION_COLUMNS))
+        integral = Motion.from_speeds(period, own.q[0], own.v)
+        off_speed = np.abs(own.vd - integral.vd) * period
+        for name, off, given, right in (
+            ("vd_ref", off_speed > 1e-6 * (1 + np.abs(own.v)), own.vd, integral.vd),
+            ("q_ref", np.abs(own.q - integral.q) > 1e-4, own.q, integral.q),
         ):
             for i, k in np.argwhere(off):
                 raise InputError(
                     f"{path}, line {i + 2}: {name}_{k + 1} does not fit v_ref_{k + 1}: "
-                    f"{own[i, k]:.9g}, the speeds give {right[i, k]:.9g}"
+                    f"{given[i, k]:.9g}, the speeds give {right[i, k]:.9g}"
                 )
+        return own
 
 
 # --- resampling ------------------------------------------------------------------------------
@@ -266,7 +262,14 @@ def resampled(
             q = np.vstack([np.zeros_like(v[:1]), np.cumsum(steps, axis=0)])
         motion = Motion.from_speeds(period, q[0], interpolated(t, time, v))
     elif q is not None:
-        v, motion = _from_positions(time, q, t, period)
+        from scipy.interpolate import CubicSpline  # it takes a third of a second
+
+        spline = CubicSpline(time, q)
+        v, within = spline(time, 1), np.minimum(t, time[-1])
+        positions = spline(within) + (t - within)[:, None] * v[-1]
+        # Extra samples: with them the central differences at the ends are the spline's speeds.
+        before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
+        motion = Motion.from_positions(period, np.vstack([before, positions, after]))
     else:
         raise InputError(
             f"{where}: neither v_ref_1 nor q_ref_1, expected time and one of them for each joint"
@@ -277,19 +280,6 @@ def resampled(
 def interpolated(t: Array, time: Array, values: Array) -> Array:
     """Interpolate samples (N, n) at `time` (N,) linearly at `t` (M,); return shape (M, n)."""
     return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
-
-
-def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[Array, Motion]:
-    """Return the speeds at the samples, and the motion."""
-    from scipy.interpolate import CubicSpline  # it takes a third of a second
-
-    spline = CubicSpline(time, q)
-    v = spline(time, 1)
-    within = np.minimum(t, time[-1])
-    positions = spline(within) + (t - within)[:, None] * v[-1]
-    # Extra samples: with them the central differences at the ends are the spline's speeds.
-    before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
-    return v, Motion.from_positions(period, np.vstack([before, positions, after]))
 
 
 def _checked_loss(where: str | Path, motion: Motion, time: Array, q: Array, v: Array) -> Loss:

@@ -217,7 +217,7 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
         return robot if envelope is None else replace(robot, envelope=envelope)
     with within(place="device"):
         other = edited(robot, lambda root: _fit(root, robot, choice, motors))
-        other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
+        other = _with_stators(other, motors, fitted, choice.structure_scale)
     stiffness = choice.structure_scale**choice.stiffness_exponent
     factor = np.sqrt(stiffness * _first_inertia(robot) / _first_inertia(other))
     factor = float(robot.frequency_factor * factor)
@@ -305,24 +305,18 @@ def _set(parent: ET.Element, tag: str, value: float) -> None:
     child(parent, tag).text = repr(float(value))
 
 
-def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: float) -> list[float]:
-    """Return m - s m_f for each joint [kg]. A kept motor is the fitted one."""
-    masses = []
-    for motor, old in zip(motors, fitted, strict=True):
-        m_f = old.mass if old else 0.0
-        m = motor.mass if motor else m_f
-        masses.append(m - s * m_f)
-    return masses
+def _with_stators(
+    robot: Robot, motors: list[Motor | None], fitted: list[Motor | None], s: float
+) -> Robot:
+    """Add the point mass m - s m_f, which may be negative, on the inboard side of each joint.
 
-
-def _with_stators(robot: Robot, added: list[float]) -> Robot:
-    """Add a point mass [kg], which may be negative, on the inboard side of each joint.
-
-    Links that do not move stay as they are.
+    A kept motor is the fitted one. Links that do not move stay as they are.
     """
     still = {body.index() for body in robot.plant.GetBodiesWeldedTo(robot.plant.world_body())}
     bodies = {}
-    for name, mass in zip(robot.joint_names, added, strict=True):
+    for name, motor, old in zip(robot.joint_names, motors, fitted, strict=True):
+        m_f = old.mass if old else 0.0
+        mass = (motor.mass if motor else m_f) - s * m_f
         frame = robot.plant.GetJointByName(name).frame_on_parent()
         link = frame.body().name()
         if mass != 0 and frame.body().index() not in still:

@@ -13,10 +13,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    RevoluteJoint,
-)
+from pydrake.multibody.tree import BodyIndex, RevoluteJoint
 from pydrake.systems.framework import Context
 
 from sdt_drake.io.arguments import a_path, takes

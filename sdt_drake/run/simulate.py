@@ -141,15 +141,18 @@ def simulate(
             if error.__traceback__ and extract_tb(error.__traceback__)[-1].filename != __file__:
                 raise  # an error of Python code in the loop
             _look(loop, own)
-            reason = " ".join(str(error).split())
-            raise InputError(
-                f"scenario '{design.scenario.name}': the simulation is stuck at "
-                f"{context.get_time():.6g} s ({reason})"
-            ) from None
+            raise stuck(design, context, error) from None
         signals = recorded(loop.diagram, loop.logs, own, loop.updates[-1])
         tau_cmd = signals["tau_cmd"]
         _check_command(loop, tau_cmd, loop.updates[-1] * np.arange(len(tau_cmd)))
         return _recording(loop, signals)
+
+
+def stuck(design: Design, context: Context, why: object) -> InputError:
+    """Return the error of a simulation that does not go on, with its time."""
+    where, time = f"scenario '{design.scenario.name}'", context.get_time()
+    reason = " ".join(str(why).split())
+    return InputError(f"{where}: the simulation is stuck at {time:.6g} s ({reason})")
 
 
 def _own_context(loop: Loop, simulator: Simulator) -> Context:
