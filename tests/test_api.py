@@ -185,7 +185,7 @@ def test_axis_loop_poles_equal_the_papers_transfer_function(designed):
 
 # --- wrong arguments ------------------------------------------------------------------------------
 
-FREE = {"trust", "compare", "meshcat"}
+FREE = {"trust", "compare", "meshcat", "at_rest"}
 """Arguments that are true or false, or are not checked beforehand."""
 
 
