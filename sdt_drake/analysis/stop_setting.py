@@ -32,9 +32,9 @@ FIGURES = {
     "head_rate": Metric("angular rate of the head", "deg/s", _DEG, ".1f"),
     "head_acceleration": Metric("angular acceleration of the head", "deg/s²", _DEG, ".1f"),
     "joint_stop_speed": Metric("speed at a joint stop", "deg/s", _DEG, ".2f"),
-    "brake_load": Metric("gravity on a brake", "% of its static torque", 100, ".1f"),
+    "brake_load": Metric("gravity over static torque of a brake", "%", 100, ".1f"),
     "brake_energy": Metric("energy of a brake", "kJ", 1e-3, ".3f"),
-    "drive_torque": Metric("torque of a drive", "% of its limit", 100, ".1f"),
+    "drive_torque": Metric("torque of a ramp over that of its motor", "%", 100, ".1f"),
     "longer": Metric("ramp lengthened", "times", 1, ".3f"),
 }
 """Figures of a stop by name; less is better for each. Those of joints have the shape (n,)."""

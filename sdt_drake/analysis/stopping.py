@@ -72,8 +72,6 @@ class Stopping(Input):
     None of it, and no figure computed with it, is a statement on safety.
     """
 
-    name: str = ""
-    """Short name; the name of the file by default."""
     category: Integer = field(0, ge=0, le=2, unit="-")
     """0: power off at once, brakes close after their delay. 1: drives decelerate along a ramp, then
     brakes close and power goes off. 2: the same ramp, power stays on."""

@@ -216,13 +216,14 @@ def stops_along(setting: Setting, time: Array, q: Array, v: Array) -> Stops:
         q: positions [rad], shape (N, n).
         v: speeds [rad/s], shape (N, n).
     """
-    return _Along(setting, time, q, v).everywhere()
+    return Along(setting, time, q, v).everywhere()
 
 
-class _Along:
+class Along:
     """The stops along a motion; those that are known are not simulated again."""
 
     def __init__(self, setting: Setting, time: Array, q: Array, v: Array) -> None:
+        """Make it; arguments as in `stops_along`."""
         self._setting, self._time, self._q, self._v = setting, time, q, v
         self.period = float(time[1] - time[0])
         self._g = np.ones(len(time))
@@ -286,14 +287,14 @@ def stoppable(setting: Setting, motion: Motion) -> tuple[Motion, float]:
         InputError: naming the limit that a stop exceeds at a quarter of the speed, too.
     """
 
-    def along(factor: float) -> tuple[Motion, _Along]:
+    def along(factor: float) -> tuple[Motion, Along]:
         slow = motion
         if factor > 1:
             time, v = factor * motion.time, motion.v / factor
             slow = resampled("motion", time, motion.q, v, motion.period)[0]
-        return slow, _Along(setting, slow.time, slow.q, slow.v)
+        return slow, Along(setting, slow.time, slow.q, slow.v)
 
-    def hardest(stops: _Along, factor: float) -> Worst:
+    def hardest(stops: Along, factor: float) -> Worst:
         rows = np.unique(np.round(factor * at / motion.period).astype(int)).tolist()
         return max(stops.stops(rows).worst, key=lambda x: x.share)
 

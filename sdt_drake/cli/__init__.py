@@ -8,7 +8,7 @@ GROUPS = {
     "Start": ("reproduce", "init", "scenarios", "docs", "reference"),
     "Simulate": ("simulate", "compare", "view", "diagram"),
     "Control": ("tune", "step", "bode", "stability", "budget"),
-    "Motion and pilot": ("plan", "motions", "pilot", "fly"),
+    "Motion and pilot": ("plan", "stops", "motions", "pilot", "fly"),
     "Real machine": ("excite", "identify", "judge", "replay", "learn", "export"),
     "Many runs": ("study", "size", "report"),
 }

@@ -31,6 +31,7 @@ _NEXT_OF_OWN = (
     ("simulate scenario.yaml --out run.html", "errors of the joints"),
     ("plan motion.yaml --robot {robot}", "torques and speeds of the motors"),
     ("size sizing.yaml --workers 2 --out sizing", "sufficient motors; needs sdt_drake[study]"),
+    ("stops scenario.yaml --stops stops.yaml --out stopped", "what happens if power fails"),
     ("export scenario.yaml --drive drives.yaml --out exported", "the motion as files for drives"),
     ("excite {robot} --out excite.yaml", "a motion to identify masses and friction"),
     ("simulate scenario.yaml --out run.csv", "a simulated recording for the next command"),
@@ -62,7 +63,7 @@ def run(
 ) -> None:
     """Write a robot, a motion, motors, a scenario and a study into a folder, for you to edit.
 
-    With --robot, the files are for your own robot, with a sizing, drives and columns.
+    With --robot, the files are for your own robot, with a sizing, stops, drives and columns.
 
     example: sdt-drake init my_trainer
 

@@ -20,7 +20,7 @@ def run(name: Annotated[str | None, one_of(*SHIPPED)] = None, /) -> None:
     example: sdt-drake scenarios coupled_pi_ctc
 
     Args:
-        name: scenario, motion, study, robot, motors or drives to print (default: list all)
+        name: scenario, motion, study, robot, motors, drives or stops to print (default: list all)
     """
     if name is not None:
         text = read_text(find_file(name, *SHIPPED), _MAX_FILE).removesuffix("\n")

@@ -29,6 +29,9 @@ _OMEGA_R = 62.8  # rad/s
 _RATED_TORQUE = 0.6  # share of the peak torque
 _NO_LOAD_SPEED = 1.5  # share of the speed up to which the peak torque is available
 _ROTOR_INERTIA = 0.02  # share of the joint's inertia
+_SLIDING = 0.8  # dynamic torque of a brake over its static torque, the motor's rated torque
+_CLOSING_DELAY = 0.1  # s, of a brake
+_DECELERATION = 0.5  # of ramps in a stop, share of what the peak torque gives
 _MOTOR_MASS = 0.05  # share of the link's mass
 _MIN_MOTOR_MASS = 0.01  # kg, on a link without mass
 
@@ -133,6 +136,9 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
         InputError: if a motor cannot hold its joint, or a file cannot be written.
     """
     names, motion = robot.joint_names, first_motion(robot)
+    slowing = (
+        _DECELERATION * robot.effort_limit / np.diag(robot.mass_matrix(robot.context_at_zero()))
+    )
     mass = _motor_masses(robot)
     chosen = sorted(np.argsort(-robot.effort_limit)[:_JOINTS_TO_SIZE].tolist())
     fitted = [name * bool(m) for name, m in zip(names, mass, strict=True)]
@@ -166,6 +172,9 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
                 for k, name in enumerate(names)
             ],
             "requirements.max_abs_speed_error": [_digits(0.05 * v, 2) for v in _usual_speed(robot)],
+        },
+        "stops.yaml": {
+            "deceleration": [_digits(x, 2) for x in slowing.tolist()], "motors": [*names],
         },
     }  # fmt: skip
     write_text(folder / robot.path.name, _robot_text(robot, place))
@@ -242,6 +251,12 @@ def _motors(robot: Robot, mass: Array) -> list[dict[str, Any]]:
                 motor["n0_rpm"] = _digits(_NO_LOAD_SPEED * rpm[k], 5)
             motor["mass"] = _digits(x * mass[k], 4)
             motor["thermal_time_constant"] = 600
+            motor["brake"] = {
+                "static_torque": motor["rated_torque"],
+                "dynamic_torque": _digits(_SLIDING * motor["rated_torque"], 5),
+                "closing_delay": _CLOSING_DELAY,
+                "source": "assumed: the motor's rated torque",
+            }
             motor["source"] = f"assumed around {robot.path.name}"
             motors.append(motor)
     return motors

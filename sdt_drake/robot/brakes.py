@@ -46,6 +46,8 @@ class Brakes:
     """Inertia of the brakes [kg m²]."""
     energy: Array
     """Largest energy of a stop [J]; inf if unknown."""
+    source: tuple[str, ...] = ()
+    """Origin of the numbers of each brake."""
 
     @staticmethod
     def of(brakes: Sequence[Brake | None], gear_ratio: Array) -> "Brakes":
@@ -61,4 +63,5 @@ class Brakes:
             delay=each("closing_delay", np.inf),
             inertia=gear_ratio**2 * each("inertia", 0.0),
             energy=each("energy", np.inf),
+            source=tuple("no brake" if brake is None else brake.source for brake in brakes),
         )

@@ -168,12 +168,7 @@ class StopPlant:
     @property
     def v(self) -> Array:
         """Speeds now [rad/s], shape (n,)."""
-        return np.array(self._plant.GetVelocities(self._of_plant))
-
-    @property
-    def q(self) -> Array:
-        """Positions now [rad], shape (n,)."""
-        return np.array(self._plant.GetPositions(self._of_plant))
+        return np.asarray(self._plant.GetVelocities(self._of_plant))
 
     def rest(self, joints: Mask) -> None:
         """Set the speed of some joints to 0."""
@@ -220,7 +215,7 @@ class StopPlant:
             forward(brentq(forward, start[0], until, xtol=_IN_TIME))
 
     def now(self) -> tuple[float, Array]:
-        """Return time and state."""
+        """Return time and state: positions and speeds come first."""
         return self._context.get_time(), self._context.get_continuous_state_vector().CopyToVector()
 
     def _go(self, start: tuple[float, Array], until: float) -> None:
@@ -246,16 +241,18 @@ def simulate_stop(
         longest: time after which the simulation ends in any case [s].
     """
     static, dynamic = plant.brakes.static, plant.brakes.dynamic
-    slope = np.divide(-v, schedule.ramp, out=np.zeros(len(v)), where=schedule.ramp > 0)
-    way, stuck = np.zeros(len(v)), np.zeros(len(v), dtype=bool)  # of joints in closed brakes
+    n = len(v)
+    slope = np.divide(-v, schedule.ramp, out=np.zeros(n), where=schedule.ramp > 0)
+    way, stuck = np.zeros(n), np.zeros(n, dtype=bool)  # of joints in closed brakes
     time, events, rows = 0.0, schedule.events, []
 
     def record() -> bool:
         """Store a sample; return whether a joint is due to slide or to stick."""
-        speed, driven, (vd, torque) = plant.v, time < schedule.released, plant.acting()
+        (at, state), (vd, torque) = plant.now(), plant.acting()
+        speed, driven = state[n : 2 * n], at < schedule.released
         free = (np.abs(speed) <= AT_REST) & (way == 0)
-        resting = stuck | np.where(driven, time >= schedule.ramp, free)
-        rows.append((time, plant.q, speed, vd, torque, driven, resting))
+        resting = stuck | np.where(driven, at >= schedule.ramp, free)
+        rows.append((at, state[:n], speed, vd, torque, driven, resting))
         slides = stuck & (np.abs(torque) > static)
         return bool((slides | (way != 0) & (way * speed <= _STUCK)).any())
 
@@ -276,20 +273,20 @@ def simulate_stop(
                 return
             stuck[slides], way[slides] = False, -np.sign(torque[slides])
 
-    def at_rest() -> bool:
-        """Return whether all joints rest, and none is about to turn back."""
-        return bool((rows[-1][-1] & (np.abs(rows[-1][3]) <= AT_REST)).all())
-
     plant.begin(q, v)
     settle()
     record()
-    while time < longest and (time < events[-1] or not at_rest()):
+    while time < longest:
+        *_, vd, _, _, resting = rows[-1]
+        if time >= events[-1] and resting.all() and (np.abs(vd) <= AT_REST).all():
+            break  # all joints rest, and none is about to turn back
         start = plant.now()
         plant.advance(min([time + SAMPLE, longest, *events[events > time][:1]]))
         if (way * plant.v < 0).any():
             plant.locate(way, start)
-        time = plant.now()[0]
-        if record() or time in events:
+        is_due = record()
+        time = rows[-1][0]
+        if is_due or time in events:
             settle()
             record()
     return Course(*map(np.array, zip(*rows, strict=True)))

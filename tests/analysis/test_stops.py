@@ -1,6 +1,7 @@
 """Stops at every instant of a motion: their figures by hand, the worst of them, and limits."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from helpers.robots import WRIST, loaded
 import sdt_drake as sdt
 from sdt_drake.analysis.stop_setting import make_setting
 from sdt_drake.analysis.stopping import Stopping, load_stopping
-from sdt_drake.analysis.stops import stoppable, stops, stops_along
+from sdt_drake.analysis.stops import Along, stoppable, stops, stops_along
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import GRAVITY, head_motion_of_samples
@@ -201,3 +202,26 @@ def test_the_table_has_every_instant():
     assert table.index.tolist() == result.time.tolist()
     assert table["stopping_time_1"].max() == worst(result, "stopping_time", 1).value
     assert result.hardest == result.time[result.figures["g"].argmax()]
+
+
+PAGE = Path(__file__).parents[2] / ".github/docs/pages/howto/emergency_stops.md"
+
+
+def test_page_tells_what_the_shipped_device_does():
+    """The stops at the worst instants of the whole run, which takes a minute."""
+    design = sdt.design(sdt.load("coupled_pi_ctc"))
+    run = sdt.simulate(design)
+    rows = [round(time / 0.005) for time in (7.585, 9.645, 11.59, 16.085)]
+    of = {}
+    for category in (0, 1):
+        stopping = load_stopping("stops", 4).changed({"category": category})
+        setting = make_setting(design.device.simulated, stopping, DeviceChoice())
+        instants = Along(setting, run.time, run.q, run.v).stops(rows)
+        of[category] = {name: values.max() for name, values in instants.figures.items()}
+    limit = load_catalogue().motor("AC-203", "").brake.energy
+    words = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert f"the head turns at {np.degrees(of[0]['head_rate']):.0f} deg/s" in words
+    assert f"feels {of[0]['g']:.1f} G; in category 1 it feels {of[1]['g']:.1f} G" in words
+    assert f"takes {of[0]['brake_energy'] / 1e3:.0f} kJ in category 0" in words
+    assert f"is made for {limit / 1e3:g} kJ" in words
+    assert (of[0]["stopping_time"] < 60) and (of[1]["drive_torque"] <= 1)

@@ -19,15 +19,16 @@ call, desk, given = (getattr(command_line, x) for x in ("call", "desk", "given")
 
 VALUES = {
     "--acceleration": "2 2 2 2", "--alone": "", "--all": "", "--approach": "5", "--at": "0.1",
-    "--bandwidth": "2", "--cam-points": "20", "--cutoff": "8", "--damping": "0.02",
-    "--departure": "5", "--depth": "0", "--drake": "", "--draws": "3", "--duration": "0.2",
-    "--flights": "2", "--format": "svg", "--g-weight": "2", "--held-out": "0.2", "--idle-g": "1.2",
+    "--bandwidth": "2", "--cam-points": "20", "--category": "1", "--cutoff": "8",
+    "--damping": "0.02", "--departure": "5", "--depth": "0", "--drake": "", "--draws": "3",
+    "--duration": "0.2", "--every": "0.25", "--failed-motor": "2", "--flights": "2",
+    "--format": "svg", "--g-weight": "2", "--held-out": "0.2", "--idle-g": "1.2",
     "--inertia": "2", "--input": "extra_load_torque", "--joint": "2", "--knot": "0.5",
     "--margin": "0.5", "--noise": "0.02", "--of": "torque", "--omega-r": "30", "--once": "",
-    "--only": "friction", "--period": "0.01", "--pilot": "", "--pilots": "7",
-    "--port": "7100", "--print": "", "--rate": "2", "--resume": "",
-    "--row": "1", "--show": "", "--side": "motor", "--size": "0.01", "--setpoint-weight": "1",
-    "--time": "0.25", "--torque-margin": "0.1", "--workers": "2", "--zeta": "1 1 1 1",
+    "--only": "friction", "--period": "0.01", "--pilot": "", "--pilots": "7", "--port": "7100",
+    "--print": "", "--rate": "2", "--resume": "", "--row": "1", "--show": "", "--side": "motor",
+    "--size": "0.01", "--setpoint-weight": "1", "--time": "0.25", "--torque-margin": "0.1",
+    "--workers": "2", "--zeta": "1 1 1 1",
 }  # fmt: skip
 """Values other than the defaults of options that are numbers, choices or flags. Nonsense in place
 of names, files and fields is refused, see test_bad_use."""

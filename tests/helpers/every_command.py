@@ -9,7 +9,7 @@ POSITIONAL = {
     "identify": "sdt all.csv", "judge": "sdt all.csv", "replay": f"all.csv {RUN}", "view": RUN,
     "study run": "monte_carlo", "study show": "mc", "study repeat": "mc --row 0", "init": "new",
     "size": "sizing", "learn": RUN, "learn update": f"s all.csv --scenario {RUN}",
-    "fly": "sdt turn --out flown",
+    "fly": "sdt turn --out flown", "stops": "../given/coupled.yaml",
     **dict.fromkeys(("simulate", "compare", "bode", "diagram"), RUN),
     **dict.fromkeys(("budget", "stability"), AXIS),
 }  # fmt: skip
