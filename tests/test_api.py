@@ -1,9 +1,14 @@
 """`import sdt_drake as sdt`: names; objects in a line, as tables, as figures; wrong arguments."""
 
+import ast
 import copy
 import dataclasses
 import inspect
+import subprocess
+import sys
 from collections import Counter
+from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
@@ -30,6 +35,36 @@ def short(designed):
 @pytest.fixture(scope="module")
 def run(short):
     return simulate(short)
+
+
+# --- names ----------------------------------------------------------------------------------------
+
+
+def test_names_are_what_a_type_checker_takes_them_for():
+    tree = ast.parse(Path(sdt.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    imported = {
+        name.asname or name.name: resolve_name(f"{line.module}.{name.name}")
+        for line in block.body
+        for name in line.names
+    }
+    assert {name: getattr(sdt, name) for name in sdt.__all__} == imported
+    assert [name for name in dir(sdt) if not name.startswith("__")] == sorted(sdt.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        sdt.simulat  # noqa: B018
+
+
+def test_import_loads_nothing_and_functions_stay_after_that_of_their_modules():
+    code = (
+        "import sys; BEFORE = {*sys.modules}\n"
+        "import sdt_drake as sdt\n"
+        "assert [m for m in sys.modules if m.startswith('sdt_drake')] == ['sdt_drake']\n"
+        "assert not {'numpy', 'pydrake', 'typing', 'pkgutil'} & {*sys.modules} - BEFORE\n"
+        "import sdt_drake.run.design\n"
+        "from sdt_drake.run.simulate import simulate\n"
+        "assert sdt.simulate is simulate and sdt.design is sdt_drake.run.design.make_design\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 # --- objects --------------------------------------------------------------------------------------
@@ -150,7 +185,7 @@ def test_axis_loop_poles_equal_the_papers_transfer_function(designed):
 
 # --- wrong arguments ------------------------------------------------------------------------------
 
-FREE = {"trust", "compare", "meshcat"}
+FREE = {"trust", "compare", "meshcat", "at_rest"}
 """Arguments that are true or false, or are not checked beforehand."""
 
 

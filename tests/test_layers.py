@@ -14,6 +14,7 @@ PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 HIGHER = {
     ("analysis/comparison.py", "show.figures.runs:comparison"),
     ("analysis/frequency_response.py", "show.figures.runs:bode"),
+    ("analysis/frequency_response.py", "show.figures.coupled_loop:coupled_loop"),
     ("analysis/loop_step.py", "show.figures.runs:loop_step"),
     ("analysis/stability.py", "show.figures.runs:stability"),
     ("analysis/stops.py", "show.figures.stops:stops_figure"),

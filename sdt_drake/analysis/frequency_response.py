@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.linear import linearise
+from sdt_drake.analysis.linear import LinearLoop, linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array, Complex
@@ -63,8 +64,35 @@ class FrequencyResponse(Shown):
     """True if every mode between v_ref and v decays; free positions do not count."""
     sample: NDArray[np.intp]
     """Sample of the motion at which each joint's loop is linearised."""
-    at_positions: bool = False
-    """True if loops are cut at the samples of the position."""
+    coupled: LinearLoop
+    """Loop of all joints where the least damped joint is linearised."""
+
+    @property
+    def at_positions(self) -> bool:
+        """True if loops are cut at the samples of the position."""
+        return self.coupled.at_positions
+
+    @property
+    def poles(self) -> Complex:
+        """Poles of the coupled loop [1/s], slowest first.
+
+        Positions that a speed loop leaves free have poles at 0, and so have references.
+        """
+        return _slowest_first(self.coupled.closed().modes())
+
+    @property
+    def zeros(self) -> Complex:
+        """Transmission zeros of the coupled loop from all v_ref to all v [1/s], slowest first."""
+        return _slowest_first(self.coupled.closed().zeros())
+
+    @cached_property
+    def singular_values(self) -> Array:
+        """Singular values of the coupled loop from all v_ref to all v [-], (len(omega), n).
+
+        The largest is the most that joints in phase give, over all directions of v_ref.
+        """
+        response = self.coupled.closed().response(self.omega)
+        return np.asarray(np.linalg.svd(response, compute_uv=False))
 
     def summary(self) -> Summary:
         n = len(self.bandwidth)
@@ -77,6 +105,13 @@ class FrequencyResponse(Shown):
         if design is not None:
             title, names = design.scenario.summary().title, [*design.device.simulated.joint_names]
         return higher("show.figures.runs:bode")(title, self, names)
+
+    def plot_coupled(self, design: Design | None = None) -> Figure:
+        """Return a figure of Nyquist curves, poles and zeros, and singular values."""
+        title, names = "Coupled loop", [""] * len(self.bandwidth)
+        if design is not None:
+            title, names = design.scenario.summary().title, [*design.device.simulated.joint_names]
+        return higher("show.figures.coupled_loop:coupled_loop")(title, self, names)
 
     def results(self, title: str) -> Results:
         """Return the numbers of a file: omega, and magnitude and phase of both responses."""
@@ -123,7 +158,9 @@ class FrequencyResponse(Shown):
         ]
 
 
-def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyResponse:
+def bode(
+    design: Design | Scenario, *, time: float | None = None, at_rest: bool = False
+) -> FrequencyResponse:
     """Compute frequency responses, margins and damping of each joint's loop, as `sdt-drake bode`.
 
         response = sdt.bode(sdt.load("coupled_pi"))
@@ -138,6 +175,7 @@ def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyRe
         design: a scenario or its design.
         time: time of the motion at which the loops are linearised [s]. By default each joint's
             loop is linearised where its inertia is largest for the first time.
+        at_rest: whether to linearise at the angles of that time without the speeds.
 
     Raises:
         InputError: for a time after the end of the motion, or a controller that cannot be
@@ -145,17 +183,17 @@ def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyRe
     """
     design = as_design(design)
     if time is None:
-        return frequency_response(design)
+        return frequency_response(design, at_rest=at_rest)
     motion = design.reference.tracked
     if finite_number(time, "time", minimum=0) > motion.duration:
         raise InputError(f"{time:g} s, the motion ends at {motion.duration:g} s", place="time")
-    return frequency_response(design, sample=round(time / motion.period))
+    return frequency_response(design, sample=round(time / motion.period), at_rest=at_rest)
 
 
 def frequency_response(
-    design: Design, *, sample: int | None = None, points: int = 4000
+    design: Design, *, sample: int | None = None, points: int = 4000, at_rest: bool = False
 ) -> FrequencyResponse:
-    """Return frequency responses and margins around a sample of the motion, at rest.
+    """Return frequency responses and margins around a sample of the motion, at its speeds.
 
     The model includes drive lag, elastic joints, viscous friction and every sample period. Motor
     limits and dry friction have no frequency response and are left out.
@@ -172,11 +210,12 @@ def frequency_response(
         points: number of frequencies, from 1/1000 to 100 times the natural frequency of the speed
             loops (further with elastic joints). Sampled loops end at the Nyquist frequency of their
             slowest part.
+        at_rest: whether to linearise at the angles of the sample without its speeds.
     """
     n = design.device.simulated.n
     largest = where_largest(design.torques.d_kk).tolist()
     samples = largest if sample is None else [sample] * n
-    loops = {i: linearise(design, i) for i in set(samples)}
+    loops = {i: linearise(design, i, at_rest=at_rest) for i in set(samples)}
     top = 100 * design.tuning.omega_n.max()
     if design.springs is not None:  # far above resonance, the gains act on the rotors alone
         rotors = np.where(design.springs.elastic, design.device.simulated.motor_inertia, np.inf)
@@ -213,7 +252,7 @@ def frequency_response(
         damping=damping,
         stable=stable,
         sample=np.array(samples),
-        at_positions=loops[samples[0]].at_positions,
+        coupled=loops[samples[int(damping.argmin())]],
     )
 
 
@@ -227,6 +266,10 @@ def left_out(design: Design, response: FrequencyResponse) -> list[str]:
         "the margins of an unstable loop have no meaning": not response.stable.all(),
     }
     return [clause for clause, holds in clauses.items() if holds]
+
+
+def _slowest_first(values: Complex) -> Complex:
+    return values[np.argsort(np.abs(values), kind="stable")]
 
 
 def _last_fall(omega: Array, size: Array, level: float) -> float:

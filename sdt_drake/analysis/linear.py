@@ -10,13 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.framework import Context, System
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.device import make_device, measured_port, viscous_only
+from sdt_drake.run.device import (
+    equilibrium,
+    make_device,
+    measured_port,
+    set_device,
+    viscous_only,
+)
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.state_space import LinearModel, StateSpace
 from sdt_drake.systems.wiring import blocks_of
@@ -24,7 +31,7 @@ from sdt_drake.systems.wiring import blocks_of
 
 @dataclass(frozen=True, eq=False)
 class LinearLoop:
-    """A loop of n joints, linear around a sample of its motion at rest, and cut once per joint.
+    """A loop of n joints, linear around a sample of its motion, and cut once per joint.
 
     Loops with one period, or without any, are cut at the torque command of the feedback. A feedback
     that also measures positions with a slower period is cut at these samples; its faster loop stays
@@ -75,28 +82,31 @@ class LinearLoop:
         """Outputs that are fed back to the cut."""
         return slice(self.n) if self.at_positions else slice(4 * self.n, None)
 
-    def closed(self, k: int) -> StateSpace:
-        """Return the closed loop from v_ref of joint k to v of its link, minimal.
+    def closed(self, *joints: int) -> StateSpace:
+        """Return the closed loop from v_ref of joints to v of their links, minimal.
 
-        q_ref is the integral of v_ref, and vd_ref is 0. States that are not between input and
-        output are removed: on decoupled axes, those of the other joints.
+        q_ref is the integral of v_ref, and vd_ref is 0. States that are not between inputs and
+        outputs are removed: on decoupled axes, those of the other joints.
+
+        Args:
+            joints: joints, counted from 0; all by default.
         """
-        loop, n = self.whole(), self.n
-        q_ref, v_ref = loop.B[:, [k]], loop.B[:, [n + k]]
-        rest = float(loop.period > 0)  # integrator of q_ref: x+ = x, or x' = 0
-        A = np.block([[loop.A, q_ref], [np.zeros((1, len(loop.A))), np.full((1, 1), rest)]])
-        B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
-        C = np.append(loop.C[[3 * n + k]], [[0.0]], axis=1)
-        states = (*loop.states, f"q_ref_{k + 1}")
-        return StateSpace(A, B, C, np.zeros((1, 1)), loop.period, states).structurally_minimal()
+        loop, n, k = self.whole(), self.n, np.array(joints or range(self.n))
+        m, one = len(k), np.eye(len(k))
+        rest = float(loop.period > 0)  # integrators of q_ref: x+ = x, or x' = 0
+        A = np.block([[loop.A, loop.B[:, k]], [np.zeros((m, len(loop.A))), rest * one]])
+        B = np.vstack([loop.B[:, n + k], (loop.period or 1.0) * one])
+        C = np.hstack([loop.C[3 * n + k], 0 * one])
+        states = (*loop.states, *(f"q_ref_{i + 1}" for i in k))
+        return StateSpace(A, B, C, 0 * one, loop.period, states).structurally_minimal()
 
 
-def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
+def linear(design: Design | Scenario, sample: int = 0, *, at_rest: bool = False) -> LinearModel:
     """Return the closed loop of a design as a linear model with named states, inputs and outputs.
 
-    The loop is linearised around a sample of the motion, at rest. Inputs are q_ref, v_ref, vd_ref
-    (joint side) and tau_ff, a torque added to the feedback (motor side); outputs are q, v and
-    tau_cmd. `linearise` lists the effects that the model includes.
+    The loop is linearised at the angles and speeds of a sample of the motion. Inputs are q_ref,
+    v_ref, vd_ref (joint side) and tau_ff, a torque added to the feedback (motor side); outputs are
+    q, v and tau_cmd. `linearise` lists the effects that the model includes.
 
         >>> import sdt_drake as sdt
         >>> model = sdt.linear(sdt.load("package://sdt/scenarios/axis_pi.yaml"))
@@ -106,6 +116,7 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
     Args:
         design: the design, or a scenario.
         sample: index of the sample of the motion.
+        at_rest: whether to linearise at the angles of the sample without its speeds.
 
     Raises:
         InputError: the motion has no such sample, or the controller cannot be linearised.
@@ -115,7 +126,7 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
     is_whole = isinstance(sample, int | np.integer) and not isinstance(sample, bool)
     if not (is_whole and 0 <= sample <= last):
         raise InputError(f"{sample!r}, expected a whole number from 0 to {last}", place="sample")
-    loop = linearise(design, sample).whole()
+    loop = linearise(design, sample, at_rest=at_rest).whole()
     n = design.device.simulated.n
     torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # tau_ff is added to the feedback
     loop = replace(
@@ -145,8 +156,12 @@ def _state_names(system: System) -> list[str]:
     return names
 
 
-def linearise(design: Design, sample: int = 0) -> LinearLoop:
-    """Return the loop of a design, linear around a sample of its motion, at rest.
+def linearise(design: Design, sample: int = 0, *, at_rest: bool = False) -> LinearLoop:
+    """Return the loop of a design, linear around a sample of its motion.
+
+    The loop is in steady motion at the angles and speeds of the sample, without acceleration; with
+    `at_rest` without speeds. So the plant's model has the centrifugal stiffness and the Coriolis
+    torques of these speeds. Angles are taken as constant, although joints turn on.
 
     Each sampled part has its own period: the speed loop of the drive, the position loop of a
     cascade, a controller of the whole state. The model is exact at the samples of the slowest part.
@@ -154,7 +169,15 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
     increments themselves are left out. So is the delay of the reference: positions are sampled when
     it arrives.
     """
-    return close(design, linear_process(design, sample), linear_feedback(design, sample))
+    at = operating_point(design, sample, at_rest=at_rest)
+    return close(design, linear_process(design, at), linear_feedback(design, sample, at))
+
+
+def operating_point(design: Design, sample: int, *, at_rest: bool = False) -> Motion:
+    """Return a sample of the motion without its acceleration, and at rest without its speed."""
+    motion = design.reference.tracked
+    still, v = np.zeros((1, motion.n)), motion.v[[sample]]
+    return Motion(motion.period, motion.q[[sample]], still if at_rest else v, still)
 
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
@@ -204,71 +227,53 @@ def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:
     )
 
 
-def linear_process(design: Design, sample: int = 0) -> StateSpace:
+def linear_process(design: Design, start: Motion) -> StateSpace:
     """Return the continuous linear process from tau (n) to [measured (2n), state (2n)].
 
-    Motors do not saturate, and friction is viscous.
+    The links have angles and speeds of `start`, the motors the torque that keeps the speeds. Motors
+    do not saturate, and friction is viscous.
     """
     design = viscous_only(design)
     diagram, n = make_device(design), design.device.simulated.n
-    at = np.concatenate([design.reference.tracked.q[sample], np.zeros(n)])
+    at = equilibrium(design, start, of_links=True)
     context = diagram.CreateDefaultContext()
-    for name in ("tau_limited", "extra_load_torque"):
-        diagram.GetInputPort(name).FixValue(context, np.zeros(n))
-    state = context.get_continuous_state_vector().CopyToVector()
-    context.SetContinuousState(np.concatenate([at, state[2 * n :]]))
-    _hold_still(diagram, context, first=2 * n)
+    set_device(diagram, context, design, at)
+    diagram.GetInputPort("tau_limited").FixValue(context, at.tau_cmd)
+    diagram.GetInputPort("extra_load_torque").FixValue(context, np.zeros(n))
     parts = [_taylor(diagram, context, "tau_limited", x) for x in (measured_port(design), "state")]
     C, D = np.vstack([part.C for part in parts]), np.vstack([part.D for part in parts])
     states = (*_of_joints(n, "q", "v"), *parts[0].states[2 * n :])  # the plant's are the first
     return replace(parts[0], C=C, D=D, states=states)
 
 
-def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
+def linear_feedback(design: Design, sample: int, start: Motion) -> StateSpace:
     """Return the linear feedback, with the period of its own states.
 
     Inputs are [reference (3n), measured (2n), sampled_state (2n)], the output is tau_fb (n).
-    Encoders are ideal and without delay.
+    Encoders are ideal and without delay. `start` is the operating point of the sample.
 
     Raises:
         InputError: the controller cannot be linearised.
     """
     n = design.device.simulated.n
     controller = design.scenario.controller.linear(design, sample)
-    at = np.concatenate([design.reference.tracked.q[sample], np.zeros(n)])
-    resting = {"reference": np.append(at, np.zeros(n)), "measured": at, "sampled_state": at}
+    at = np.concatenate([start.q[0], start.v[0]])
+    steady = {"reference": np.append(at, np.zeros(n)), "measured": at, "sampled_state": at}
     context = controller.CreateDefaultContext()
     ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
     for port in ports:
-        port.FixValue(context, resting[port.get_name()])
+        port.FixValue(context, steady[port.get_name()])
     output = controller.get_output_port().get_name()  # tau_fb, or tau_cmd of your own
     parts = {p.get_name(): _taylor(controller, context, p.get_name(), output) for p in ports}
     one = parts["reference"]  # all have the same states
     B, D = (
         [
             getattr(parts[name], by) if name in parts else np.zeros((len(getattr(one, by)), len(x)))
-            for name, x in resting.items()
+            for name, x in steady.items()
         ]
         for by in ("B", "D")
     )
     return replace(one, B=np.hstack(B), D=np.hstack(D))
-
-
-def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
-    """Set torques and internal states so that the plant stays at rest at its state.
-
-    Otherwise the linearisation would contain the change of M(q) times an acceleration. The first
-    `first` states (positions and speeds) stay. The other states and the torque enter the
-    derivatives linearly, so one Newton step is exact.
-    """
-    taylor = _taylor(diagram, context, "tau_limited", "state")
-    state = context.get_continuous_state_vector().CopyToVector()
-    acting = np.hstack([taylor.A[:, first:], taylor.B])
-    moving = diagram.EvalTimeDerivatives(context).CopyToVector()
-    change = np.linalg.lstsq(acting, -moving, rcond=None)[0]
-    others = len(state) - first
-    context.SetContinuousState(state + np.concatenate([np.zeros(first), change[:others]]))
-    diagram.GetInputPort("tau_limited").FixValue(context, change[others:])  # it was 0
 
 
 def _taylor(system: System, context: Context, input_name: str, output_name: str) -> StateSpace:

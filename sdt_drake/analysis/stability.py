@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sdt_drake.analysis.linear import close, linear_feedback, linear_process
+from sdt_drake.analysis.linear import close, linear_feedback, linear_process, operating_point
 from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, higher, of_joints
+from sdt_drake.motion import Motion
 from sdt_drake.robot.device import ENCODERS, Drive, Elasticity, Encoder
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design, as_design
@@ -77,6 +78,7 @@ def stability_sweep(
     drive: Drive = IDEAL,
     ratios: ArrayLike = RATIOS,
     damping_ratio: float = 0.01,
+    at_rest: bool = False,
 ) -> StabilitySweep:
     """Sweep omega_n / omega_r of the scenario's controller on every joint of a robot.
 
@@ -95,6 +97,7 @@ def stability_sweep(
         drive: drive of the motors, ideal by default; its delay of the reference has no effect.
         ratios: ratios omega_n / omega_r, growing [-].
         damping_ratio: damping ratio of the elastic joints [-].
+        at_rest: whether the coupled plant is linearised without the speeds of the motion.
 
     Raises:
         InputError: the robot has no rotor inertia, or an argument does not fit the scenario.
@@ -106,11 +109,14 @@ def stability_sweep(
     alone, d_kk = stands_alone(design), design.torques.d_kk
     samples = rigid.tuning.inertia_share.argmax(axis=0) if alone else where_largest(d_kk)
 
+    def point(sample: int) -> Motion:
+        return operating_point(rigid, sample, at_rest=at_rest)
+
     @cache
     def feedback(omega_n: float, sample: int) -> StateSpace:
         gains = _scaled(rigid.tuning.gains, omega_n)
         tuned = rigid.scenario.changed({"controller.kp": gains.kp, "controller.ki": gains.ki})
-        return linear_feedback(replace(rigid, scenario=tuned), sample)
+        return linear_feedback(replace(rigid, scenario=tuned), sample, point(sample))
 
     shape = len(ratios), n
     damping, overshoot, unstable_from = np.empty(shape), np.full(shape, np.nan), np.empty(n)
@@ -119,7 +125,7 @@ def stability_sweep(
         frequencies = [omega_r if j == k else 0.0 for j in range(n)]
         elasticity = Elasticity(frequencies, damping_ratio, encoder)
         elastic = rigid.variant(rigid.scenario.changed({"plant.elasticity": elasticity}))
-        process = linear_process(elastic, sample)
+        process = linear_process(elastic, point(sample))
 
         def loop(ratio: float) -> StateSpace:
             return close(rigid, process, feedback(ratio * omega_r, sample)).closed(k)
@@ -202,7 +208,11 @@ class Stability(Shown):
 
 
 def stability(
-    design: Design | Scenario, *, omega_r: float | None = None, damping: float | None = None
+    design: Design | Scenario,
+    *,
+    omega_r: float | None = None,
+    damping: float | None = None,
+    at_rest: bool = False,
 ) -> Stability:
     """Find the largest stable gains with elastic joints, as `sdt-drake stability`.
 
@@ -215,6 +225,7 @@ def stability(
         omega_r: lowest natural frequency of the structure [rad/s]; by default that of the scenario.
         damping: damping ratio of the elastic joints [-]; by default that of the scenario's
             plant.elasticity, or 0.01.
+        at_rest: whether the coupled plant is linearised without the speeds of the motion.
 
     Raises:
         InputError: naming the wrong argument; `omega_r` is needed for a scenario with kp and ki.
@@ -237,7 +248,12 @@ def stability(
     sweeps: dict[str, dict[str, StabilitySweep]] = {encoder: {} for encoder in ENCODERS}
     for encoder, label in with_progress([*product(ENCODERS, drives)]):
         sweeps[encoder][label] = stability_sweep(
-            design, omega_r, encoder=encoder, drive=drives[label], damping_ratio=damping
+            design,
+            omega_r,
+            encoder=encoder,
+            drive=drives[label],
+            damping_ratio=damping,
+            at_rest=at_rest,
         )
     return Stability(design, omega_r, damping, sweeps)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Given, Out, Scenario, Show, number
+from sdt_drake.cli.common import Flag, Given, Out, Scenario, Show, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.results import RESULT_TABLES
 
@@ -21,6 +22,7 @@ def run(
     /,
     *,
     time: Annotated[float | None, number(gte=0)] = None,
+    at_rest: Flag = False,
     out: Out = None,
     show: Show = False,
     given: Given = Given(),
@@ -32,39 +34,47 @@ def run(
     Args:
         time: time of the motion at which to linearise [s] (default: for each joint where its
             inertia is largest for the first time)
-        out: file for the responses (.csv, .json), or for a figure of them (.png, .svg, .pdf)
+        at_rest: linearise at the angles of that time, without the speeds
+        out: file for the responses (.csv, .json), for a figure of them (.png, .svg, .pdf), or for
+            a page with Nyquist curves, poles, zeros and singular values, too (.html)
     """
     from sdt_drake.analysis.frequency_response import left_out
 
-    common.check_out(out, show, RESULT_TABLES)
+    common.check_out(out, show, [*RESULT_TABLES, ".html"])
     design = common.design_of(scenario, given.changes)
-    response = sdt.bode(design, time=time)
+    response = sdt.bode(design, time=time, at_rest=at_rest)
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
-    echo(f"{chosen.summary().title}: {_verdict(response, design.device.simulated)}")
+    verdict = _verdict(response, design.device.simulated)
+    echo(f"{chosen.summary().title}: {verdict}")
     columns = response.columns()
     columns.insert(1, ("[Hz]", ".3f", response.bandwidth / (2 * math.pi)))  # behind [rad/s]
     print_joints(design.device.simulated.joint_names, columns)
     cut = f"the loop is cut at {response.cut}"
     if response.at_positions:
         cut += f", sampled every {design.reference.tracked.period:g} s"
-    echo(f"The response is the link's speed over its reference, without feedforward; {cut}.")
+    notes = [f"The response is the link's speed over its reference, without feedforward; {cut}."]
     times = design.reference.tracked.time[response.sample]
+    how = "at rest at the angles of the motion" if at_rest else "at angles and speeds of the motion"
     if time is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
-        echo(f"Each joint is linearised at rest where its inertia is largest, at {joints} s.")
+        notes += [f"Each joint is linearised {how} where its inertia is largest, at {joints} s."]
     else:
-        echo(
-            f"All joints are linearised at rest, with the angles of the motion at {times[0]:.3f} s."
-        )
-    for clause in left_out(design, response):
-        echo(f"note: {clause}")
-    common.deliver(
-        out,
-        show,
-        lambda: sdt.plots.bode(title, response, design.device.simulated.joint_names),
-        response.results(title).write,
-    )
+        notes += [f"All joints are linearised {how} at {times[0]:.3f} s."]
+    notes += [f"note: {clause}" for clause in left_out(design, response)]
+    for note in notes:
+        echo(note)
+
+    def write(path: Path) -> None:
+        if path.suffix == ".html":
+            from sdt_drake.show.reports.bode import write_bode_page
+
+            write_bode_page(design, response, path, verdict, notes)
+        else:
+            response.results(title).write(path)
+
+    names = design.device.simulated.joint_names
+    common.deliver(out, show, lambda: sdt.plots.bode(title, response, names), write)
 
 
 def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Given, OmegaR, Out, Scenario, Show, number
+from sdt_drake.cli.common import Flag, Given, OmegaR, Out, Scenario, Show, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.results import RESULT_TABLES
 
@@ -23,6 +23,7 @@ def run(
     *,
     omega_r: OmegaR = None,
     damping: Annotated[float | None, number(gte=0)] = None,
+    at_rest: Flag = False,
     out: Out = None,
     show: Show = False,
     given: Given = Given(),
@@ -35,12 +36,13 @@ def run(
         omega_r: lowest natural frequency of the structure [rad/s] (default: that of the scenario)
         damping: damping ratio of the elastic joints [-] (default: that of the scenario's
             plant.elasticity, or 0.01)
+        at_rest: linearise the coupled plant at rest, for controllers that need it
         out: file for the sweeps (.csv, .json), or for a figure of them (.png, .svg, .pdf)
     """
 
     common.check_out(out, show, RESULT_TABLES)
     design = common.design_of(scenario, given.changes)
-    found = sdt.stability(design, omega_r=omega_r, damping=damping)
+    found = sdt.stability(design, omega_r=omega_r, damping=damping, at_rest=at_rest)
     name, choice = design.scenario.name, design.scenario.controller
     for encoder in found.sweeps:
         echo(f"{name}, encoder on the {encoder}: {found.verdict(encoder)}")

@@ -107,9 +107,9 @@ class Design(Shown):
         """Return a figure of the effective inertia along the motion, motor side."""
         return self.tuning.plot()
 
-    def linear(self, sample: int = 0) -> LinearModel:
-        """Return the closed loop linearised at rest at a sample; see `sdt_drake.linear`."""
-        return higher("analysis.linear:linear")(self, sample)
+    def linear(self, sample: int = 0, *, at_rest: bool = False) -> LinearModel:
+        """Return the closed loop linearised at a sample of the motion; see `sdt_drake.linear`."""
+        return higher("analysis.linear:linear")(self, sample, at_rest=at_rest)
 
     # --- device, reference and tuning ------------------------------------------------------------
 

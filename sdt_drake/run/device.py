@@ -252,12 +252,13 @@ def initial_state(design: Design, q: Array | None, v: Array | None) -> Motion | 
     return Motion(first.period, q[None], v[None], np.zeros((1, n)))
 
 
-def equilibrium(design: Design, start: Motion) -> Equilibrium:
+def equilibrium(design: Design, start: Motion, *, of_links: bool = False) -> Equilibrium:
     """Return the steady state at which a run of a design starts.
 
     Args:
         design: the design of the loop.
-        start: a motion of one sample without acceleration.
+        start: a motion of one sample without acceleration, as the encoders measure it.
+        of_links: True if it is the motion of the links, wherever the encoders are.
     """
     q = measured = start.q[0]
     v, deflection = start.v[0], np.zeros(design.device.simulated.n)
@@ -266,7 +267,8 @@ def equilibrium(design: Design, start: Motion) -> Equilibrium:
         for _ in range(N_ITERATIONS):
             torque = design.device.simulated.gear_ratio * _holding_torque(design, q, start)
             deflection[axes] = torque[axes] / design.springs.stiffness[axes]
-            q = measured if measured_port(design) == "state" else measured - deflection
+            on_links = of_links or measured_port(design) == "state"
+            q = measured if on_links else measured - deflection
     tau = _holding_torque(design, q, start)
     error = design.drive.torque_error
     tau_cmd = tau if error is None else tau / (1 + np.array(error))

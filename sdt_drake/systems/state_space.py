@@ -26,6 +26,9 @@ _GONE = 1e-4
 """Share of a mode after one sample at which it counts as gone [-]. Round-off moves a threefold
 eigenvalue 0 of A to about 1e-5."""
 
+_FINITE = 1000.0
+"""Largest zero over the fastest mode [-]; round-off makes larger ones of zeros at infinity."""
+
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
@@ -112,6 +115,23 @@ class StateSpace:
         Those of a mode that is gone after one sample (deadbeat) are -inf.
         """
         return self._as_continuous(np.linalg.eigvals(self.A))
+
+    def zeros(self) -> NDArray[np.complex128]:
+        """Return the transmission zeros of a system with as many outputs as inputs [1/s].
+
+        Those of a sampled system are its continuous equivalents, as for `modes`. Zeros that are
+        1000 times faster than the fastest mode count as infinite, and are left out.
+        """
+        import scipy.linalg  # only here, as it takes a while to load
+
+        n = len(self.A)
+        pencil = np.block([[self.A, self.B], [self.C, self.D]])
+        top, bottom = scipy.linalg.eigvals(
+            pencil, np.diag(np.arange(len(pencil)) < n).astype(float), homogeneous_eigvals=True
+        )
+        fastest = np.abs(np.linalg.eigvals(self.A)).max(initial=0.0)
+        finite = np.abs(top) <= _FINITE * fastest * np.abs(bottom)
+        return self._as_continuous(top[finite] / bottom[finite])
 
     def modes_between(self) -> NDArray[np.complex128]:
         """Return the modes [1/s] that the one input moves and the one output shows.

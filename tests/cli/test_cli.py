@@ -1,5 +1,6 @@
 """`sdt-drake` as a program: help, completion, files, faults, streams."""
 
+import io
 import os
 import re
 import resource
@@ -10,6 +11,7 @@ import warnings
 
 import pytest
 from helpers.command_line import RUN, SCENARIO, SDF, SHORT_MOTION, is_one_line, program, refused
+from helpers.every_command import EVERY
 from matplotlib.figure import Figure
 
 import sdt_drake
@@ -17,6 +19,7 @@ from sdt_drake.cli import COMMANDS, printing
 from sdt_drake.cli import app as cli
 from sdt_drake.cli.common import deliver
 from sdt_drake.cli.old_forms import modern
+from sdt_drake.io.resources import SHIPPED, find_file
 
 
 def test_help_lists_all_commands_and_version(good):
@@ -25,6 +28,18 @@ def test_help_lists_all_commands_and_version(good):
         assert re.search(rf"^\s+{name}\b", out, re.M), name
     assert "example: sdt-drake" in out
     assert good("--version").out == f"sdt-drake {sdt_drake.__version__}\n"
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_help_of_every_command_has_an_example_that_is_accepted(good, name):
+    words = name.split()
+    out = " ".join(good(*words, "--help").out.split())
+    example = re.search(f"example: sdt-drake ({name}.*?) (?:Arguments|Parameters|╭)", out)[1]
+    _, bound, _ = cli.commands(words[0]).parse_args(shlex.split(example))
+    for argument in ("scenario", "motion", "sizing", "name", "study"):
+        given = bound.arguments.get(argument) or "."
+        if "." not in given:  # no file of a user
+            find_file(given, *SHIPPED)
 
 
 @pytest.mark.parametrize("columns", ["0", "1", "2", "\u00b2", "9" * 5000, "20000000"])
@@ -129,6 +144,21 @@ def test_full_disk_is_one_line_and_leaves_no_file(refuse, line, monkeypatch):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
+def test_home_of_a_user_is_found_after_an_equals_sign(good, refuse, desk, monkeypatch):
+    """As the shell has it in `--out ~/x`, but not in `--out=~/x`."""
+    monkeypatch.setenv("HOME", str(desk / "home"))
+    good("diagram", RUN, "--out=~/loop.dot")
+    assert (desk / "home" / "loop.dot").is_file() and not (desk / "~").exists()
+    refuse("step", "--out=~nobody_of_that_name/o.png", saying=["~nobody_of_that_name/o.png: "])
+
+
+def test_folder_that_is_gone_is_one_line(call, desk, monkeypatch):
+    (desk / "gone").mkdir()
+    monkeypatch.chdir(desk / "gone")
+    (desk / "gone").rmdir()
+    refused(call("step"), "the current folder does not exist")
+
+
 def test_names_do_not_lead_out_of_the_folder(good, desk, given):
     """A scenario from somebody else must not choose where `diagram` writes."""
     good("diagram", given("evil.yaml", f"{SCENARIO}name: ../escaped\n"))
@@ -170,6 +200,15 @@ def test_figure_written_and_shown_is_drawn_once(desk, monkeypatch):
 
 
 # --- streams --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("line, word", [("step --help", b"kg m"), ("step", b"settling")])
+def test_terminal_of_ascii_alone_gets_all_words(monkeypatch, line, word):
+    terminal = io.TextIOWrapper(io.BytesIO(), "ascii")
+    monkeypatch.setattr(sys, "stdout", terminal)
+    assert cli.main(line.split()) == 0
+    terminal.flush()
+    assert word in terminal.buffer.getvalue()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")

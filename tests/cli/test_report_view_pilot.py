@@ -3,19 +3,22 @@
 import json
 import re
 import shutil
-from importlib import import_module
+import socket
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from helpers.command_line import SHORT_MOTION
 
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.paper.report import write_report
+from sdt_drake.pilot import illusions, reported
 from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.illusions import feel
+from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.run.recording import Recording
 from sdt_drake.show.documents import REPORT
 
@@ -110,6 +113,14 @@ def test_pilot_takes_angles_of_a_table(desk, good, shown, other):
     assert (call_["title"], call_["path"]) == ("recorded", (Path("a.html"),)) and call_["pilot"]
 
 
+def test_port_in_use_is_one_line(refuse):
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        refuse("view", SHORT_MOTION, "--once", f"--port={port}", saying=[f"port: {port} is in use"])
+
+
 # --- `sdt-drake pilot` as a user meets it ----------------------------------------------------
 
 
@@ -138,5 +149,16 @@ def test_pilot_csv_holds_felt_motion_over_time(good, desk, recording, robot):
 
 
 def test_pilot_tells_that_no_illusion_is_predicted(good, recording, monkeypatch):
-    monkeypatch.setattr(import_module("sdt_drake.pilot.illusions"), "illusions", lambda *_: [])
+    monkeypatch.setattr(illusions, "illusions", lambda *_: [])
     assert "by clark2019:\n  none\n" in good("pilot", "run.csv").out
+
+
+def test_validate_begins_with_the_verdict(good, monkeypatch, robot, reproduction):
+    """Of one training motion: all of them take long."""
+    own = reproduction.reported.result()
+    one = illusions.intended_illusion("post_roll", robot, ["slow_yaw"])
+    monkeypatch.setattr(reported, "validate", lambda: own)
+    monkeypatch.setattr(illusions, "intended_illusions", lambda robot: [one])
+    out = " ".join(good("pilot", "validate").out.split())
+    assert out.startswith(" ".join(reported.verdict_of_all(own).split()))
+    assert "yaw_start" in out and out.endswith(" ".join(CAUTION.split()))

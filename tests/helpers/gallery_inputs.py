@@ -13,6 +13,7 @@ from helpers.variants import kind, recorded
 from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse
+from sdt_drake.analysis.linear import LinearLoop
 from sdt_drake.analysis.loop_step import step
 from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.step import StepResponse, step_metrics
@@ -36,6 +37,7 @@ from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing
 from sdt_drake.studies.verdicts import Verdict
 from sdt_drake.systems.gains import STRUCTURES
+from sdt_drake.systems.state_space import StateSpace
 
 PERIOD, NAMES = 0.01, ("base", "elbow", "wrist")
 DRIVE = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}
@@ -135,7 +137,13 @@ class Inputs:
         row, crossover = np.ones(3), np.array([5.0, 10.0, 20.0])
         found = (90 * row, np.array([np.inf, 2.0, np.inf]), 0 * row, row)
         found = (crossover, row, row, crossover, *found, row, row > 0, row)
-        return FrequencyResponse(omega, gain / (1 + gain), gain, *found)
+        # v' = tau, tau = omega_c (v_ref - v); inputs tau, references and tau_ff.
+        one, none, K = np.eye(3), np.zeros((3, 3)), np.diag(crossover)
+        C, D = np.vstack([none, one, none, one, -K]), np.zeros((15, 15))
+        D[12:, 6:9] = K
+        opened = StateSpace(none, np.hstack([one, none, none, none, one]), C, D)
+        coupled = LinearLoop(opened, False, 3)
+        return FrequencyResponse(omega, gain / (1 + gain), gain, *found, coupled=coupled)
 
     @cached_property
     def sweeps(self):

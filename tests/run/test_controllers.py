@@ -11,7 +11,7 @@ from helpers.variants import overruled
 from pydrake.systems.framework import LeafSystem
 
 from sdt_drake.analysis.comparison import compare, with_controller
-from sdt_drake.analysis.linear import linear_feedback
+from sdt_drake.analysis.linear import linear_feedback, operating_point
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Positive, field
 from sdt_drake.io.schema import json_schema
@@ -254,6 +254,7 @@ def test_scheduled_gains_follow_the_inertia(designed):
     along = np.tile(share, (len(design.reference.tracked.q), 1))  # at most 1, as at another sample
     largest = overruled(design.tuning, i_eff=along)
     design = overruled(design, tuning=overruled(largest, inertia=InertiaRange(1, 1, 1)))
-    own, fixed = linear_feedback(design, 3), linear_feedback(plain, 3)
+    start = operating_point(design, 3)
+    own, fixed = linear_feedback(design, 3, start), linear_feedback(plain, 3, start)
     np.testing.assert_allclose(own.C, share[:, None] * fixed.C, rtol=1e-12)
     np.testing.assert_allclose(own.D, share[:, None] * fixed.D, rtol=1e-12)

@@ -8,18 +8,22 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
     Adder,
+    ConstantVectorSource,
     Gain,
     Integrator,
     LogVectorOutput,
     MatrixGain,
+    PassThrough,
     ZeroOrderHold,
 )
 
 from sdt_drake.paper.diagrams import DIAGRAMS
 from sdt_drake.paper.step_loop import make_step_loop
+from sdt_drake.show.block_diagrams import dot_text
 from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
+from sdt_drake.show.diagrams.text import in_html, in_mathtext
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems.gains import tune
 
@@ -120,6 +124,79 @@ def test_blocks_of_drake_have_their_symbols(system, shape, text):
     block = blocks_of(walk(make_chain(system)))["s0"]
 
     assert (block.shape, block.text) == (shape, text)
+
+
+def test_depth_is_the_number_of_levels_that_are_opened():
+    closed, opened = walk(make_loop(), max_depth=0), walk(make_loop(), max_depth=1)
+
+    assert blocks_of(closed)["pi_speed_controller"].text == "pi speed\ncontroller"
+    assert "K_PS" not in blocks_of(closed) and "K_PS" in blocks_of(opened)
+    assert ("pi_speed_controller", "axis_process") in wires_of(closed)
+    assert [frame.title for frame in opened.frame.frames()] == ["step_loop", "pi_speed_controller"]
+
+
+@pytest.mark.parametrize("symbol", ["PI", lambda system: system.get_name()[:2].upper()])
+def test_diagram_with_a_symbol_is_never_opened(symbol):
+    blocks = blocks_of(walk(make_loop(), {"pi_speed_controller": symbol}, max_depth=9))
+    assert blocks["pi_speed_controller"].text == "PI" and "K_PS" not in blocks
+
+
+def test_one_block_has_no_frame_and_one_frame_in_a_frame_is_one():
+    inside = make_chain(make_chain(Gain(1.0, 1), Integrator(1), name="inner"))
+    one, two = (make_chain(inner, Gain(1.0, 1)) for inner in (make_chain(Integrator(1)), inside))
+
+    assert [frame.path for frame in walk(one).frame.frames()] == [()]
+    assert [frame.title for frame in walk(two).frame.frames()] == ["chain", "s0: s0"]
+
+
+def test_pass_throughs_are_wires_and_ports_of_the_diagram_have_names():
+    picture = walk(make_chain(PassThrough(1), Integrator(1)))
+
+    ends = {block.path[-1]: block.text for block in blocks_of(picture).values()}
+    assert ends == {"s1": "1/s", "speed (in)": "speed", "torque (out)": "torque"}
+    assert wires_of(picture) == Counter([("speed (in)", "s1"), ("s1", "torque (out)")])
+
+
+@pytest.mark.parametrize(
+    ("read", "drawn"),
+    [(["one"], {"source", "one", "one (out)"}), ([], {"source", "one", "other"})],
+)
+def test_what_a_log_alone_reads_is_not_drawn_unless_nothing_is_read(read, drawn):
+    gains = [(name, Gain(2.0, 1), f"x {name}") for name in ("one", "other")]
+    source = ("source", ConstantVectorSource([1.0]), "x")
+    diagram = wired(source, *gains, outputs=read, logged=["one", "other"])
+    assert set(blocks_of(walk(diagram))) == drawn
+
+
+# --- names -----------------------------------------------------------------------------------
+
+
+def test_signals_have_names_at_the_block_that_gives_them():
+    """A block names its signal itself if it can; 1/s and r are not the names of signals."""
+    labels = {path[-1]: label for (path, _), label in walk(make_loop()).labels.items() if label}
+    assert labels == {
+        "motor_speed_ref": "motor_speed_ref",
+        "minus_motor_speed": "motor_speed",  # its minus stands at the sums
+        "integral": "integral",
+        "tau_fb": "tau_fb",
+        "axis_process": "state",
+    }
+    text = dot_text(make_loop())
+    assert text.count("label=<τ<SUB>fb</SUB>>") == text.count("label=<state>") == 1
+
+
+def test_greek_letters_subscripts_quotes_and_blocks_without_a_name():
+    assert in_html("tau_cmd") == "τ<SUB>cmd</SUB>" and in_html("load_torque") == "load torque"
+    assert in_html("K_IS/s") == "K<SUB>IS</SUB>/s" and in_html("a<b\nc") == "a&lt;b<BR/>c"
+    assert in_mathtext("I_eff,max s") == r"I$_{\text{eff,max}}$ s"
+    assert in_mathtext("load_torque [$]") == r"load torque [\$]"
+    builder = DiagramBuilder()
+    builder.ExportOutput(builder.AddSystem(ConstantVectorSource([1.0])).get_output_port(), "one")
+    text = dot_text(builder.Build())
+    assert '"ConstantVectorSource_0"' in text and "0x" not in text
+    quoted = dot_text(make_chain(Integrator(1), name='the "loop"'))
+    assert quoted.startswith('digraph "the \\"loop\\"" {\n')
+    assert dot_text(make_chain(PassThrough(1))) == 'digraph "chain" {\n}\n'
 
 
 # --- signs -----------------------------------------------------------------------------------

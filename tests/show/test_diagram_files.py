@@ -7,18 +7,26 @@ import re
 import matplotlib
 import numpy as np
 import pytest
+from helpers.command_line import FIGURE
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.paper.diagrams import DIAGRAMS
 from sdt_drake.paper.step_loop import make_step_loop
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.show.block_diagrams import dot_text, fingerprint, page_of, write_diagram
+from sdt_drake.show.block_diagrams import (
+    dot_text,
+    drake_dot_text,
+    fingerprint,
+    page_of,
+    write_diagram,
+)
 from sdt_drake.show.diagrams import paint
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems import encoder
@@ -135,3 +143,58 @@ def test_svg_has_texts_and_origin(tmp_path):
     assert {"reference", "pi speed controller", "1/s"} <= set(re.findall(r">([^<>]+)</text>", svg))
     # A machine without matplotlib's font takes one without serifs, too.
     assert set(re.findall(r"font-family: ([^;\"]*)", svg)) == {"'DejaVu Sans', Verdana, sans-serif"}
+
+
+@pytest.fixture
+def no_graphviz(tmp_path, monkeypatch):
+    """The only folder of programs: empty at first."""
+    (tmp_path / "bin").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    return tmp_path / "bin" / "dot"
+
+
+@pytest.mark.parametrize("format_", ["svg", "png", "pdf"])
+def test_pictures_are_drawn_without_any_other_program(tmp_path, no_graphviz, format_):
+    paths = [
+        write_diagram(make_small(), tmp_path / name / "loop", format_=format_) for name in "ab"
+    ]
+    first, second = (path.read_bytes() for path in paths)
+    assert first.startswith(FIGURE[format_]) and second == first
+
+
+def test_dot_files_have_the_text_of_the_diagram_or_of_drake(tmp_path):
+    diagram, path = make_small(), tmp_path / "new" / "loop.dot"
+    assert write_diagram(diagram, path) == path
+    assert path.read_text(encoding="utf-8") == dot_text(diagram)
+    write_diagram(diagram, str(path), max_depth=0, drake=True)
+    assert path.read_text(encoding="utf-8") == drake_dot_text(diagram, max_depth=0)
+
+
+def test_letters_of_users_names_are_drawn_as_they_are(tmp_path):
+    diagram = make_small()
+    diagram.GetSubsystemByName("no_load").set_name(r"a $x_{ <b> & \ 制")
+    path = write_diagram(diagram, tmp_path / "loop.svg", format_="svg")
+    assert "&lt;b&gt; &amp;" in path.read_text(encoding="utf-8")
+
+
+FAILING = "#!/bin/sh\necho 'bad\nluck' >&2\nexit 1\n"
+REFUSED = [
+    ({"format_": "eps"}, "", "format: 'eps', expected one of dot, svg, png, pdf"),
+    ({"format_": "svg", "drake": True}, "", "Drake's own picture needs Graphviz, .*install it"),
+    ({"format_": "png", "drake": True}, FAILING, "Graphviz failed: bad luck"),
+]
+
+
+@pytest.mark.parametrize("options, program, message", REFUSED, ids=[case[-1] for case in REFUSED])
+def test_a_picture_that_cannot_be_made_is_one_line_and_keeps_the_old_one(
+    tmp_path, no_graphviz, options, program, message
+):
+    if program:
+        no_graphviz.write_text(program)
+        no_graphviz.chmod(0o755)
+    path = tmp_path / "loop.x"
+    path.write_bytes(b"old")
+    with pytest.raises(InputError, match=message) as error:
+        write_diagram(make_small(), path, **options)
+    assert "\n" not in str(error.value) and path.read_bytes() == b"old"
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["bin", "loop.x"]

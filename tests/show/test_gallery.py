@@ -25,6 +25,7 @@ from sdt_drake.show.figures import (
     scope,
     studies,
 )
+from sdt_drake.show.figures.coupled_loop import coupled_loop
 from sdt_drake.show.figures.replay import replay_figure
 from sdt_drake.show.panels import Plots, picture
 from sdt_drake.show.reports import fly as fly_report
@@ -95,6 +96,7 @@ FIGURES = {
     "effective_inertia": _inertia,
     "error_budget": lambda x: runs.error_budget("budget", x.budget, NAMES),
     "bode": lambda x: runs.bode("bode", x.response, NAMES),
+    "coupled_loop": lambda x: coupled_loop("coupled loop", x.response, NAMES),
     "stability": lambda x: runs.stability("stability", x.sweeps, NAMES),
     "comparison": lambda x: runs.comparison("comparison", x.compared((1.0, 0.1, 0.004))),
     "nothing_to_compare": lambda x: runs.comparison("none", x.compared((0, 0, 0), head=False)),

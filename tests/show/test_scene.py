@@ -1,11 +1,20 @@
 """What pictures of a motion have in them: the device, the head in it, its specific force."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers.motions import TIME, smooth
+from helpers.robots import ARM, URDF
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import DiagramBuilder
 
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d.scene import METRES_PER_G, Scene, arrow_pose, felt_rotation, make_frames
+from sdt_drake.show.view3d.viewer import record_html
 
 
 def test_drawn_head_and_specific_force_equal_drakes(robot):
@@ -57,6 +66,66 @@ def test_force_arrow_has_direction_and_length_of_the_force(force):
     np.testing.assert_allclose(tip - [1.0, 2.0, 3.0], expected, rtol=1e-3, atol=1e-12)
 
 
+# --- what cannot be shown -----------------------------------------------------------------------
+
+BAD = [
+    (lambda t, q: (t[:2], q[:2]), "time: expected at least three samples that grow"),
+    (lambda t, q: (np.where(t == 1, np.nan, t), q), "time: expected at least three samples that g"),
+    (lambda t, q: (t * 1801, q), "lasts 3602 s, expected at most 3600 s to show"),
+    (lambda t, q: (t, q[:, :3]), "q: shape (401, 3), expected (401, 4) for robot 'sdt'"),
+    (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "q: contains a value that is not fin"),
+]
+
+
+@pytest.mark.parametrize("change, told", BAD, ids=[case[-1] for case in BAD])
+def test_what_is_no_motion_of_the_robot_is_refused(robot, tmp_path, change, told):
+    with pytest.raises(InputError, match="^" + re.escape(told)):
+        record_html(robot, *change(TIME, smooth(robot)[0]), tmp_path / "a.html")
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.fixture
+def draw(tmp_path, meshcat):
+    """Draws the planar arm with a shape on its upper link."""
+
+    def drawn(shape, suffix="sdf"):
+        link, text = '<link name="upper">', {"sdf": ARM, "urdf": URDF}[suffix]
+        visual = f'<visual name="v"><geometry>{shape}</geometry></visual>' if shape else ""
+        path = tmp_path / f"arm.{suffix}"
+        path.write_text(text.replace(link, link + visual), "utf-8")
+        robot = load_robot(path)
+        return Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), meshcat)
+
+    return drawn
+
+
+SHAPES = [
+    ("<sphere><radius>nan</radius></sphere>", "a <visual> cannot be drawn .*radius = nan"),
+    ("<sphere><radius>1e300</radius></sphere>", "at most 1000 m to show"),
+    ("<plane><normal>0 0 0</normal></plane>", "a <visual> cannot be drawn .*norm"),
+    ("<mesh><uri>arm.obj</uri></mesh>", "a <visual> cannot be drawn .*three vertices"),
+]
+
+
+@pytest.mark.parametrize("shape, message", SHAPES, ids=[case[-1] for case in SHAPES])
+def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, draw, shape, message):
+    (tmp_path / "arm.obj").write_text("v 0 0 x\n")
+    with pytest.raises(InputError, match=rf"^{tmp_path}/arm\.sdf: .*{message}") as caught:
+        draw(shape)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
+
+
+def test_meshes_that_cannot_be_drawn_are_left_out_and_named(draw, caplog):
+    draw("<mesh><uri>none.obj</uri></mesh>")
+    assert ["link 'upper': mesh none.obj is missing" in x.message for x in caplog.records] == [True]
+
+
+def test_only_shapes_of_moving_links_spare_a_robot_its_skeleton(draw):
+    plane = "<plane><normal>0 0 1</normal><size>1 1</size></plane>"
+    assert not draw(plane).has_shapes and draw("<box><size>1 1 1</size></box>").has_shapes
+    assert not draw("", "urdf").has_shapes
+
+
 # --- the device as it is drawn ------------------------------------------------------------------
 
 
@@ -70,3 +139,29 @@ def test_floor_is_below_all_links(robot, meshcat):
     robot.plant.SetPositions(context, frames.q[0])
     pose = robot.plant.GetFrameByName("head").CalcPoseInWorld(context)
     assert matrix[14] < pose.translation()[2] - 1, matrix
+
+
+def test_parts_of_the_device_pass_each_other_at_any_angles():
+    """Links touch at the flanges of their joints only."""
+    text = re.sub("<material>.*?</material>", "", load_robot().path.read_text(encoding="utf-8"))
+    text = text.replace("<visual ", "<collision ").replace("</visual>", "</collision>")
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    Parser(plant).AddModelsFromString(text, "sdf")
+    plant.Finalize()
+    diagram, inspector, parts = builder.Build(), scene_graph.model_inspector(), []
+    for geometry in inspector.GetAllGeometryIds():
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
+        name = inspector.GetName(geometry).split("::")[-1]
+        if "flange" not in name and name != "yaw_motor":
+            parts.append((body.replace("payload", "gondola"), name, geometry))
+    pairs = [(a, b) for i, a in enumerate(parts) for b in parts[:i] if a[0] != b[0]]
+    assert len(pairs) > 500
+    root = diagram.CreateDefaultContext()
+    own, seen = plant.GetMyMutableContextFromRoot(root), scene_graph.GetMyContextFromRoot(root)
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (40, plant.num_positions())):
+        plant.SetPositions(own, q)
+        query = scene_graph.get_query_output_port().Eval(seen)
+        for (one, a, first), (other, b, second) in pairs:
+            distance = query.ComputeSignedDistancePairClosestPoints(first, second).distance
+            assert distance > 0, f"{one}: {a} in {other}: {b} at {np.degrees(q).round()} deg"

@@ -1,12 +1,15 @@
 """Styles of figures, and the scope of a run."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 
 import matplotlib
 import numpy as np
 import pytest
+from helpers.command_line import FIGURE
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.figures.scope import joint_columns
 from sdt_drake.show.panels import Plots
@@ -53,6 +56,32 @@ def test_missing_glyphs_give_no_warning(tmp_path, recwarn):
         finish(figure, "滚\U000105c0")
     save(figure, tmp_path / "x.png")
     assert [str(warning.message) for warning in recwarn] == []
+
+
+@pytest.fixture
+def figure():
+    with style():
+        figure, axes = grid(1, 1, panel=(4, 2))
+        axes[0, 0].plot([0.0, 1.0, 2.0], [3.0, 4.0, 5.0])
+    return figure
+
+
+@pytest.mark.parametrize("suffix", FIGURE)
+def test_save_writes_what_the_suffix_says_and_the_same_again(figure, tmp_path, suffix):
+    before = dict(matplotlib.rcParams)
+    path, other = (tmp_path / "new" / f"{name}.{suffix}" for name in "ab")
+    assert save(figure, str(path)) == path
+    content = path.read_bytes()
+    assert content.startswith(FIGURE[suffix]) and [*path.parent.iterdir()] == [path]
+    assert save(figure, other).read_bytes() == content or suffix == "pdf"  # it has its date
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("name", ["figure.xyz", "figure", "figure.csv", ".png"])
+def test_save_refuses_another_suffix_and_writes_nothing(figure, tmp_path, name):
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: ") + ".*\\.png") as caught:
+        save(figure, tmp_path / name)
+    assert "\n" not in str(caught.value) and [*tmp_path.iterdir()] == []
 
 
 # --- the scope of a run ----------------------------------------------------------------------

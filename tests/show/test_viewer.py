@@ -2,13 +2,20 @@
 
 import os
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers.motions import TIME, smooth
+from helpers.robots import URDF
+from helpers.robots import loaded as loaded_robot
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
-from sdt_drake.show.view3d.scene import ARROW, METRES_PER_G, Scene, make_frames
+from sdt_drake.pilot.illusions import true_attitude
+from sdt_drake.pilot.orientation import CAUTION
+from sdt_drake.show.view3d import viewer
+from sdt_drake.show.view3d.scene import ARROW, FRAME_RATE, METRES_PER_G, Scene, make_frames
 from sdt_drake.show.view3d.viewer import record_html
 
 EVIL = "</script><b onload='x'>"
@@ -119,6 +126,70 @@ def test_recording_page_plays_without_server(page, robot, page_file):
     assert len(set(before)) > 50 and colours(page) != before
 
 
+def test_player_fits_a_phone(page):
+    seek(page, 0.4)
+    page.set_viewport_size({"width": 390, "height": 844})
+    slider, *others = (
+        page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
+    )
+    assert slider["width"] > 300 and slider["height"] >= 24
+    for box in others:  # below it, and on the screen
+        assert box["y"] >= slider["y"] + slider["height"]
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        assert box["y"] + box["height"] <= 844
+    page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
+    assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
+    page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
+    page.set_viewport_size(SMALL)
+
+
+def cells(page, table, texts):
+    """Wait until a table has these texts: the page played until now, and may be a moment late."""
+    page.wait_for_function(
+        """([table, told]) => `${told}` ===
+          `${Array.from(document.querySelectorAll(table + " td"), x => x.innerText)}`""",
+        arg=[table, texts],
+    )
+
+
+def test_page_tells_angles_g_and_segments(page, robot):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
+        seek(page, frames.time[k])
+        angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
+        names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
+        cells(page, "#sdt-joints", [x for pair in zip(names, angles, strict=True) for x in pair])
+        assert page.inner_text("#sdt-time").startswith(f"{frames.time[k]:.1f} ")
+        g = frames.head.resultant_g[k]
+        assert page.inner_text("#sdt-g") == f"{g:.2f} G"
+        meter = page.evaluate("document.getElementById('sdt-meter').value")
+        assert meter == pytest.approx(g, abs=0.006)
+        cells(page, "#sdt-segments", ["roll", going[0], "yaw", going[1]])
+    assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
+
+
+def test_page_shows_felt_beside_true_attitude(page, robot):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    felt, head, true = frames.felt, frames.head, np.degrees(true_attitude(frames.head))
+    legend = page.inner_text("#sdt-legend")
+    assert "felt attitude" in legend and CAUTION in legend
+    assert "A <b> lean. clark2019 does not predict the illusion: yaw rate felt at" in legend
+    for k in (15, 55):
+        seek(page, frames.time[k])
+        np.testing.assert_allclose(place_of(page, ["felt"]), head.position[k], atol=1e-4)
+        m = page.evaluate("viewer.scene_tree.find(['felt']).object.matrixWorld.elements")
+        axes = np.array([[x, -z, y] for x, y, z in (m[0:3], m[4:7], m[8:11])])  # in the world
+        np.testing.assert_allclose(axes.T @ felt.gravity[k], [0, 0, -1], atol=2e-3)
+        own = np.degrees([felt.roll[k], felt.pitch[k]])
+        rows = zip(("roll", "pitch"), own, true[:, k], strict=True)
+        texts = [(f"{name}, felt | true", f"{a:.1f}° | {b:.1f}°") for name, a, b in rows]
+        cells(page, "#sdt-felt", [text for row in texts for text in row])
+    shown = "viewer.scene_tree.find(['felt']).object.visible"
+    assert page.evaluate(shown)
+    page.click("#sdt-view")
+    assert not page.evaluate(shown)  # it would be around the camera
+
+
 def test_pilots_view_follows_the_head(page, robot, meshcat):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head
@@ -146,3 +217,49 @@ def test_recording_leaves_no_server(robot, tmp_path):
     before = threads()
     record_html(robot, TIME, smooth(robot)[0], tmp_path / "a.html")
     assert threads() <= before
+
+
+def test_page_of_a_robot_without_head_and_of_a_browser_without_webgl(open_page, tmp_path):
+    robot = loaded_robot(URDF, ".urdf")
+    q = smooth(robot)[0]
+    record_html(robot, TIME, q, tmp_path / "a.html")
+    with pytest.raises(InputError, match="no pilot's head"):
+        record_html(robot, TIME, q, tmp_path / "b.html", pilot=True)
+    assert not (tmp_path / "b.html").exists()
+    with open_page(tmp_path / "a.html", **SMALL) as (page, errors, requests):
+        assert not page.is_visible("#sdt-view") and not page.is_visible("#sdt-meter")
+        seek(page, 1.0)
+        names = page.evaluate("Object.keys(viewer.scene_tree.children)")
+        assert "robot" in names and not {"trace", "arrow", "head", "felt"} & set(names)
+        assert errors == [] and requests == []
+        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        page.reload()
+        assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
+        assert page.is_disabled("#sdt-play")
+
+
+# --- live ---------------------------------------------------------------------------------------
+
+
+def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
+    """By a clock of its own, on which each picture takes longer than there is for it."""
+    shown, now, show = [], [0.0], Scene.show
+    clock = SimpleNamespace(
+        perf_counter=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
+    )
+
+    def spy(scene, k, **options):
+        shown.append((scene.frames.time[k], now[0]))
+        now[0] += 0.05  # slower than two pictures at twice the speed
+        show(scene, k, **options)
+
+    monkeypatch.setattr(viewer, "clock", clock)
+    monkeypatch.setattr(Scene, "show", spy)
+    addresses = []
+    viewer.play(robot, TIME, smooth(robot)[0], rate=2.0, once=True, announce=addresses.append)
+    assert re.fullmatch(r"http://localhost:\d+", *addresses)
+    motion, wall = np.array(shown[1:]).T  # the first one is there before the clock starts
+    assert motion[0] == 0 and motion[-1] == 2.0
+    late = (wall - wall[0]) * 2.0 - motion
+    assert np.all(late > -1e-9) and np.all(late < 0.05 * 2.0 + 2 / FRAME_RATE)
+    assert len(motion) < 30  # 61 pictures, of which there was time for some

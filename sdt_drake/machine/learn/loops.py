@@ -177,7 +177,7 @@ def _sampled_loop(design: Design, sample: int) -> StateSpace:
     Inputs are q_ref, v_ref, vd_ref and an additional torque (4n), outputs encoder positions (n).
     """
     n = design.device.simulated.n
-    loop = linearise(design, sample).whole().sampled(design.reference.held.period)
+    loop = linearise(design, sample, at_rest=True).whole().sampled(design.reference.held.period)
     from_reference, from_torque = np.hsplit(loop.B, [3 * n])
     return StateSpace(
         A=loop.A,

@@ -180,7 +180,8 @@ def _loops(design: Design, response: FrequencyResponse | str) -> list[doc.Block]
     note = doc.said(
         "> Link speed over its reference, without feedforward; the loop is cut at {}, all others "
         "are closed. The gain of a joint may rise by its gain margin before the loop becomes "
-        "unstable. Each joint is at rest where its inertia is largest. {}",
+        "unstable. Each joint is linearised where its inertia is largest, at the speeds of the "
+        "motion. {}",
         response.cut, more,
     )  # fmt: skip
     return [_table(design, response.columns()), doc.Marked(note.rstrip())]
