@@ -81,9 +81,7 @@ def _clean_figures_and_seed():
 @pytest.fixture(autouse=True)
 def _wide_terminal(monkeypatch):
     """Print tables in one piece, so that tests can read them."""
-    from sdt_drake.io import shown
-
-    monkeypatch.setattr(shown, "terminal_width", lambda: 1000)
+    monkeypatch.setenv("COLUMNS", "1000")
 
 
 @pytest.fixture(scope="session")

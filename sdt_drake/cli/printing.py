@@ -49,7 +49,8 @@ console, errors = _console(), _console(stderr=True)
 class Bar:
     """The progress bar of a command. Without a terminal it draws nothing."""
 
-    def __init__(self) -> None:
+    def __init__(self, terminal: Console = errors, delay: float = _BAR_DELAY) -> None:
+        self._terminal, self._delay = terminal, delay
         self._progress: Progress | None = None
         self.begin()
 
@@ -61,8 +62,8 @@ class Bar:
         """Show the share of the work that is done, 0 (it begins) to 1, with a text."""
         if not 0 < done < 1:
             self.end()
-        elif errors.is_terminal and time.monotonic() > self._start + _BAR_DELAY:
-            progress = self._progress or _progress()
+        elif self._terminal.is_terminal and time.monotonic() > self._start + self._delay:
+            progress = self._progress or _progress(self._terminal)
             progress.update(progress.task_ids[0], completed=done, description=text)
             if self._progress is None:
                 self._progress = progress
@@ -75,11 +76,11 @@ class Bar:
             self._progress = None
 
 
-def _progress() -> Progress:
+def _progress(terminal: Console) -> Progress:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
     columns = BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), "{task.description}"
-    progress = Progress(*columns, console=errors, transient=True, redirect_stdout=False)
+    progress = Progress(*columns, console=terminal, transient=True, redirect_stdout=False)
     progress.add_task("", total=1.0)
     return progress
 

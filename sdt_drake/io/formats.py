@@ -65,15 +65,18 @@ def flat(columns: Mapping[str, Array]) -> dict[str, Array]:
     return result
 
 
-def read_binary(path: Path) -> dict[str, Array]:
+def read_binary(path: Path, max_numbers: int = MAX_NUMBERS) -> dict[str, Array]:
     """Read the columns of numbers of a binary file by name, each of shape (N,).
+
+    It may contain `max_numbers`, and no more than fit its size, whatever its compression.
 
     Raises:
         InputError: not such a file, or columns of different lengths.
     """
     check_binary(path)
+    most = min(max_numbers, _ALWAYS_ALLOWED + path.stat().st_size)
     try:
-        columns = _read_mat(path) if path.suffix == ".mat" else _read_parquet(path)
+        columns = (_read_mat if path.suffix == ".mat" else _read_parquet)(path, most)
     except NotImplementedError:
         raise InputError(f"{path}: MAT file of version 7.3, expected one saved with -v7") from None
     except InputError as error:
@@ -85,10 +88,10 @@ def read_binary(path: Path) -> dict[str, Array]:
     return columns
 
 
-def _read_mat(path: Path) -> dict[str, Array]:
+def _read_mat(path: Path, most: int) -> dict[str, Array]:
     from sdt_drake.io.mat import read_mat
 
-    arrays = read_mat(path, 8 * _max_numbers(path))
+    arrays = read_mat(path, 8 * most)
     timed = {"time": arrays["time"]} if "time" in arrays else arrays
     count = max((max(values.shape) for values in timed.values()), default=0)
     upright = {
@@ -96,12 +99,12 @@ def _read_mat(path: Path) -> dict[str, Array]:
         for name, values in arrays.items()
         if count in values.shape  # skip other values, such as a period
     }
-    _check_count(path, sum(values.size for values in upright.values()))
+    _check_count(sum(values.size for values in upright.values()), most)
     whole = {name: values[:, 0] if name == "time" else values for name, values in upright.items()}
     return {name: values.astype(float) for name, values in flat(whole).items()}
 
 
-def _read_parquet(path: Path) -> dict[str, Array]:
+def _read_parquet(path: Path, most: int) -> dict[str, Array]:
     import pyarrow
     import pyarrow.parquet
 
@@ -112,18 +115,12 @@ def _read_parquet(path: Path) -> dict[str, Array]:
             for field in file.schema_arrow
             if types.is_integer(field.type) or types.is_floating(field.type)
         ]
-        _check_count(path, len(names) * file.metadata.num_rows)
+        _check_count(len(names) * file.metadata.num_rows, most)
         table = file.read(names)
     return {name: table[name].to_numpy().astype(float) for name in names}
 
 
-def _max_numbers(path: Path) -> int:
-    """Return how many numbers a file of this size may contain, whatever its compression."""
-    return min(MAX_NUMBERS, _ALWAYS_ALLOWED + path.stat().st_size)
-
-
-def _check_count(path: Path, count: int) -> None:
-    most = _max_numbers(path)
+def _check_count(count: int, most: int) -> None:
     if count > most:
         raise InputError(f"{count} numbers, expected at most {most} in a file of its size")
 

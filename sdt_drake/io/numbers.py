@@ -84,7 +84,13 @@ class Numbers:
 
 
 def read_numbers(
-    path: str | Path, style: Style = Style(), *, min_rows: int = 2, logged: bool = False
+    path: str | Path,
+    style: Style = Style(),
+    *,
+    min_rows: int = 2,
+    logged: bool = False,
+    max_numbers: int = MAX_NUMBERS,
+    max_bytes: int = MAX_BYTES,
 ) -> Numbers:
     """Read a rectangular table of numbers from .mat, .parquet or text.
 
@@ -94,12 +100,14 @@ def read_numbers(
         min_rows: smallest number of rows.
         logged: accept files of data loggers. Texts and empty cells are read as NaN, and an
             incomplete last line is ignored.
+        max_numbers: largest count of numbers.
+        max_bytes: largest size of the file.
 
     Raises:
         InputError: no such file, another encoding or delimiter, a text for a number, a row of
-            another length, or more than MAX_BYTES. The message has the line.
+            another length, or a larger file. The message has the line.
     """
-    path = checked_input(Path(path), MAX_BYTES)
+    path = checked_input(Path(path), max_bytes)
     if path.suffix in BINARY:
         return _binary(path)
     start = list(itertools.islice(_rows(path, style), min_rows))
@@ -116,11 +124,11 @@ def read_numbers(
     texts: Converters = {
         k: lambda _: np.nan for k, cell in enumerate(cells) if logged and _is_text(cell)
     }
-    data, cut = _loaded(path, style, len(names), texts), ""
+    data, cut = _loaded(path, style, len(names), texts, max_numbers), ""
     if data is None and logged:
         cut, count = _ending(path, style, len(names), texts)
         gaps: Converters = dict.fromkeys(range(len(names)), _number_or_nan)
-        data = _loaded(path, style, len(names), gaps | texts, count)
+        data = _loaded(path, style, len(names), gaps | texts, max_numbers, count)
     if data is None or len(data) < min_rows:
         raise _bad_line(path, len(names), style, texts, logged)
     if not style.header:
@@ -177,14 +185,19 @@ def _rows(path: Path, style: Style) -> Iterator[tuple[int, str]]:
 
 
 def _loaded(
-    path: Path, style: Style, width: int, converters: Converters, count: int | None = None
+    path: Path,
+    style: Style,
+    width: int,
+    converters: Converters,
+    max_numbers: int,
+    count: int | None = None,
 ) -> Array | None:
     """Read the first `count` rows, by default all; None if the file is no table of that width.
 
     Raises:
-        InputError: more than MAX_NUMBERS.
+        InputError: more than `max_numbers`.
     """
-    most = MAX_NUMBERS // width
+    most = max_numbers // width
     every = (line for _, line in itertools.islice(_rows(path, style), count or most + 1))
     try:
         data = np.loadtxt(
@@ -200,7 +213,7 @@ def _loaded(
             raise
         return None
     if len(data) > most:
-        raise InputError(f"{path}: more than {MAX_NUMBERS} numbers, expected a smaller table")
+        raise InputError(f"{path}: more than {max_numbers} numbers, expected a smaller table")
     return data if data.shape[1] == width else None
 
 

@@ -47,6 +47,7 @@ def retime(
     *,
     period: float = INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
+    max_periods: int = MAX_PERIODS,
 ) -> Plan:
     """Plan a motion along the commanded path; all joints slow down where a motor is too weak.
 
@@ -67,12 +68,13 @@ def retime(
         command: commanded joint speeds.
         period: interpolation period [s].
         torque_margin: share of the motors' torque that may be used, in (0, 1].
+        max_periods: largest number of periods of the motion.
 
     Raises:
         InputError: if the command does not fit the robot or the period; if the path leaves the
             position limits or cannot be held against gravity; if its start or end is in motion and
             beyond the limits; if the motion would last 100 times as long as commanded, or more than
-            a million periods.
+            `max_periods`.
 
     >>> from sdt_drake.motion.command import load_command
     >>> from sdt_drake.robot.robot import load_robot
@@ -94,7 +96,7 @@ def retime(
     # the pass before. If they no longer suffice to hold the links, the last timing is slowed down:
     # this reduces all torques but those of gravity.
     s, slower = path.fastest(limits), 1.0
-    longest = min(_MAX_SLOWDOWN * commanded.duration, MAX_PERIODS * period)
+    longest = min(_MAX_SLOWDOWN * commanded.duration, max_periods * period)
     for _ in range(_MAX_PASSES):
         if s is None or s.end_time() / slower > longest:
             break

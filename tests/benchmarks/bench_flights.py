@@ -17,9 +17,8 @@ import numpy as np
 from timing import head, row
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.cueing import procedure
 from sdt_drake.machine.cueing.flight import make_flight, read_flight
-from sdt_drake.machine.cueing.procedure import fly
+from sdt_drake.machine.cueing.procedure import Effort, fly
 from sdt_drake.machine.cueing.program import RATE
 from sdt_drake.motion import load_plan, shipped_motions
 from sdt_drake.pilot.head import head_motion
@@ -108,8 +107,9 @@ def found_again(robot, name):
     motion = load_plan(name, robot).motion
     felt = head_motion(robot, motion.q, motion.v, motion.vd)
     flight = make_flight(motion.time, felt.specific_force, felt.angular_velocity, name)
-    ends = {"approach": 2.0, "departure": 2.0}
-    chosen = fly(robot, flight, **ends, knot=0.05, torque_margin=1.0, compare=False).chosen
+    own = {"approach": 2.0, "departure": 2.0, "knot": 0.05, "torque_margin": 1.0}
+    as_shipped = Effort(seats=(0.0,))
+    chosen = fly(robot, flight, **own, compare=False, effort=as_shipped).chosen
     own = chosen.within
     errors = chosen.force_error[own] / np.array(LINEAR), chosen.felt_rate_error[own] / RATE
     force, rotation = (np.abs(error).max(axis=1) for error in errors)
@@ -126,7 +126,6 @@ def main(*asked):
         flights = [*transformed(), *(of_jsbsim() if importlib.util.find_spec("jsbsim") else ())]
     tables = [(COLUMNS, flight.name, partial(compared, robot, flight)) for flight in flights]
     if motions:
-        procedure.SEATS = (0.0,)  # as shipped
         header = ("motion", "force / threshold", "rotation", "median", "above 0.1 [% of time]")
         tables += [(header, name, partial(found_again, robot, name)) for name in motions]
     shown = None

@@ -49,7 +49,7 @@ def test_help_fits_terminals_of_any_width(call, columns, line, monkeypatch):
     monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.setenv("LINES", columns)
     assert 20 <= printing.line_width() <= 500
-    monkeypatch.setattr(cli, "console", printing._console())
+    monkeypatch.setattr(cli.console, "width", printing.line_width())
     done = call(*line.split())
     assert done.code == 0 and 1000 < len(done.out) < 100_000
 

@@ -18,7 +18,6 @@ from helpers import command_line
 from helpers.figures import check_same_text
 
 from sdt_drake.cli import COMMANDS
-from sdt_drake.machine.cueing import procedure
 from sdt_drake.machine.cueing.flight import read_flight
 
 TABLE = yaml.safe_load(Path(__file__).with_name("commands.yaml").read_text(encoding="utf-8"))
@@ -61,11 +60,10 @@ def here(desk, good, prepared_files):
 
 
 @pytest.fixture
-def short_flight(desk, monkeypatch):
-    """Three seconds of the shipped flight, in load factors and degrees, with z down."""
-    monkeypatch.setattr(procedure, "SEATS", (0.0,))
+def short_flight(desk):
+    """Two seconds of the shipped flight, in load factors and degrees, with z down."""
     flight = read_flight("turn")
-    own = (flight.time >= 5) & (flight.time <= 8)
+    own = (flight.time >= 5) & (flight.time <= 7)
     down = [1, -1, -1]
     columns = np.column_stack([
         flight.time[own], flight.specific_force[own] * [1, -1, 1] / 9.81,

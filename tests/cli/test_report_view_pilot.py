@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from helpers.command_line import SHORT_MOTION
+from helpers.command_line import ENDS, REST, SHORT_MOTION
 
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.errors import InputError
@@ -148,9 +148,11 @@ def test_pilot_csv_holds_felt_motion_over_time(good, desk, recording, robot):
     np.testing.assert_array_equal(columns["multiple"], head.felt.multiples)
 
 
-def test_pilot_tells_that_no_illusion_is_predicted(good, recording, monkeypatch):
-    monkeypatch.setattr(illusions, "illusions", lambda *_: [])
-    assert "by clark2019:\n  none\n" in good("pilot", "run.csv").out
+def test_pilot_tells_that_no_illusion_is_predicted(good, given):
+    """Of a gondola that stands upright."""
+    given("still.yaml", f"name: still\nduration: 0.5\njoints:\n{4 * REST}")
+    scenario = given("still_run.yaml", ENDS["coupled"].replace("motion.yaml", "still.yaml"))
+    assert "by clark2019:\n  none\n" in good("pilot", scenario).out
 
 
 def test_validate_begins_with_the_verdict(good, monkeypatch, robot, reproduction):

@@ -5,27 +5,22 @@ import os
 
 import matplotlib.pyplot as plt
 import pytest
+from helpers import window
 from helpers.command_line import FIGURE, WRITERS, program, refused
 from rich.console import Console
 
-from sdt_drake.cli import printing
-from sdt_drake.show import style
+from sdt_drake.cli.printing import Bar
 
 FIGURES = {name: about for name, (about, _) in WRITERS.items() if name != "diagram"}
 
 
 @pytest.fixture
-def screen(monkeypatch):
-    """The list of the figures that were shown, as if windows could be opened."""
-    shown = []
-
-    def show(*, block):
-        assert block
-        shown.extend(plt.figure(number).canvas.figure for number in plt.get_fignums())
-
-    monkeypatch.setattr(style, "_FILE_BACKENDS", ())
-    monkeypatch.setattr(plt, "show", show)
-    return shown
+def screen():
+    """The list of the figures that were shown, on a screen whose windows are a list."""
+    plt.switch_backend("module://helpers.window")
+    window.shown.clear()
+    yield window.shown
+    plt.switch_backend("agg")
 
 
 def test_show_and_out_draw_the_same_figure(screen, good, desk):
@@ -55,12 +50,12 @@ def test_missing_backend_matters_only_to_show(good, monkeypatch):
 # --- how far long work is --------------------------------------------------------------------
 
 
-def test_progress_bar_comes_late_and_is_erased(monkeypatch):
-    terminal, bar = io.StringIO(), printing.Bar()
-    monkeypatch.setattr(printing, "errors", Console(file=terminal, force_terminal=True, width=80))
-    bar.report(0.1)
+def test_progress_bar_comes_late_and_is_erased():
+    terminal = io.StringIO()
+    console = Console(file=terminal, force_terminal=True, width=80)
+    Bar(console).report(0.1)
     assert terminal.getvalue() == ""  # a command of 2 s needs none
-    monkeypatch.setattr(printing, "_BAR_DELAY", -1.0)
+    bar = Bar(console, delay=-1.0)
     bar.report(0.25, "3 of 12 runs")
     assert " 25%" in terminal.getvalue() and "3 of 12 runs" in terminal.getvalue()
     bar.end()

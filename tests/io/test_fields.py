@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sdt_drake.io import fields
 from sdt_drake.io.errors import MAX_NUMBER, MAX_PROBLEMS, InputError
 from sdt_drake.io.fields import Input, check_joints, made
 from sdt_drake.io.names import given_fields, value_of
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
 from sdt_drake.machine.learn.state import TrialRecord
+from sdt_drake.motion.profile import Track
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import load_catalogue
 from sdt_drake.run.controllers import CONTROLLERS
@@ -291,10 +291,11 @@ def test_similar_names_are_searched_for_told_mistakes_alone(
     assert all("another problem" not in line for line in told)
 
 
-def test_file_with_too_many_mappings_is_refused(monkeypatch):
-    monkeypatch.setattr(fields, "_MAX_MAPPINGS", 3)
-    with pytest.raises(InputError, match=r"motors\[3\]: more than 3 mappings"):
-        load_catalogue()
+def test_file_with_too_many_mappings_is_refused():
+    hold = {"_tag": "!Hold", "duration": 1}
+    assert len(Track(joint="a", segments=[hold] * 19_999).segments) == 19_999
+    with pytest.raises(InputError, match=r"segments\[20000\]: more than 20000 mappings"):
+        Track(joint="a", segments=[hold] * 20_000)
 
 
 OPEN = ("p_pi", "pi_scheduled")  # kinds that leave the feedforward to the scenario

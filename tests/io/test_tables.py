@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pyarrow import parquet
 
-from sdt_drake.io import numbers
 from sdt_drake.io.errors import MAX_NUMBER, InputError
 from sdt_drake.io.formats import TABLES
+from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.tables import read_table, write_table
 
 GOOD = "time,v_1,v_2\n0.0,1,2\n0.5,3,4\n1.0,5,6\n"
@@ -86,12 +86,11 @@ def test_bad_table_is_refused_with_file_line_and_value(tmp_path, text, message):
     refuse(tmp_path / "bad.csv", rf"bad\.csv.*{message}", content)
 
 
-def test_too_large_table_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / "large.csv"
+def test_too_large_table_is_refused(tmp_path):
+    path, size = tmp_path / "large.csv", len(GOOD)
     path.write_text(GOOD)
-    monkeypatch.setattr(numbers, "MAX_NUMBERS", 9)
-    assert len(read_table(path)[0]) == 3
-    monkeypatch.setattr(numbers, "MAX_NUMBERS", 8)
-    refuse(path, r"large\.csv: more than 8 numbers, expected")
-    monkeypatch.setattr(numbers, "MAX_BYTES", len(GOOD) - 1)
-    refuse(path, rf"large\.csv: {len(GOOD)} bytes, expected at most")
+    assert len(read_numbers(path, max_numbers=9, max_bytes=size).data) == 3
+    with pytest.raises(InputError, match=r"large\.csv: more than 8 numbers, expected"):
+        read_numbers(path, max_numbers=8)
+    with pytest.raises(InputError, match=rf"large\.csv: {size} bytes, expected at most"):
+        read_numbers(path, max_bytes=size - 1)

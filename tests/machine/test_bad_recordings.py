@@ -113,6 +113,6 @@ def test_recording_fault_is_named_with_columns_to_write(arm, fault):
 
 
 @pytest.mark.parametrize("name", simulated.ROBOTS)
-def test_nothing_is_said_of_clean_recordings(name):
+def test_clean_recordings_have_no_finding(name):
     truth = simulated.truth(name, 20)
     assert found(truth, truth.recorded) == []

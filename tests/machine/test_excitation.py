@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.command_line import ARM
 
-from sdt_drake.machine.identify.excitation import _SEARCH, RATE, excite
+from sdt_drake.machine.identify.excitation import RATE, excite
 from sdt_drake.machine.identify.limits import Limits, assumed
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion import Motion, plan_motion
@@ -18,12 +18,6 @@ def arm(tmp_path_factory):
     limit = "</velocity><drake:acceleration>50</drake:acceleration>"
     path.write_text(ARM.replace("</velocity>", limit, 1))  # of the first joint alone
     return load_robot(path)
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    """Searches like those for many joints; `excitation` is made before."""
-    monkeypatch.setitem(_SEARCH, True, _SEARCH[False])
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +65,7 @@ def test_expected_deviations_equal_those_of_fits_to_noise(arm, excitation):
 
 
 def test_a_payload_is_excited_gently(arm):
-    found = excite(Target.payload(arm, "lower"), 1.0, gently=0.1)
+    found = excite(Target.payload(arm, "lower"), 1.0, gently=0.1, thorough=False)
     assert "hx of lower [kg m]" in found.target.names and not found.target.friction
     assert 0 < np.abs(planned(found).v).max() <= 0.8 * 0.1 * 5 + 1e-6
 

@@ -14,14 +14,16 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import watching
 from sdt_drake.machine.cueing import procedure
 from sdt_drake.machine.cueing.flight import make_flight, read_flight
-from sdt_drake.machine.cueing.procedure import fly
+from sdt_drake.machine.cueing.procedure import Effort, fly
 from sdt_drake.machine.cueing.program import Problem, Trajectory, rated
 from sdt_drake.motion import Motion, load_plan
 from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
 
-QUICK = {"approach": 4.0, "departure": 4.0, "knot": 0.4}
+# At such a weight more of G is lost than by alignment.
+ONE_START = Effort(seats=(0.0,), front=(0.1, 10.0), g_weight=0.05)
+QUICK = {"approach": 4.0, "departure": 4.0, "knot": 0.4, "effort": ONE_START}
 FRAME = '<frame name="head" attached_to="link_3"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'
 
 
@@ -36,15 +38,6 @@ def piece(first, last):
 def onset():
     """The roll into the turn, 1 to 1.5 G."""
     return piece(5.0, 8.0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_start():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(procedure, "SEATS", (0.0,))
-        patch.setattr(procedure, "FRONT", (0.1, 10.0))
-        patch.setattr(procedure, "_WEIGHT", 0.05)  # with which more of G is lost than by alignment
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +62,7 @@ def test_flight_made_by_a_motion_gives_that_motion_back(robot):
     head = head_motion(robot, motion.q, motion.v, motion.vd)
     flight = make_flight(motion.time, head.specific_force, head.angular_velocity)
     found = fly(robot, flight, approach=2.0, departure=2.0, knot=0.1, torque_margin=1.0,
-                compare=False)  # fmt: skip
+                compare=False, effort=ONE_START)  # fmt: skip
     within = found.chosen.within
     force = np.abs(found.chosen.force_error[within]).max(axis=0)
     rate = np.degrees(np.abs(found.chosen.felt_rate_error[within]).max(axis=0))
@@ -91,7 +84,7 @@ def test_random_robot_with_head_flies_within_limits(onset):
 
 
 def test_idle_g_is_reached_in_the_approach(robot):
-    ends = {"approach": 6.0, "departure": 2.0, "knot": 0.5, "compare": False}
+    ends = {"approach": 6.0, "departure": 2.0, "knot": 0.5, "compare": False, "effort": ONE_START}
     found = fly(robot, piece(0.0, 1.0), idle_g=1.4, g_weight=1.5, **ends)
     at = round(0.8 * 6 / 0.005)
     assert found.chosen.head.resultant_g[at] == pytest.approx(1.4, abs=0.1)

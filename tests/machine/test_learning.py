@@ -318,10 +318,9 @@ def test_learn_writes_files_that_simulate_and_plan_read(good, refuse, desk, undr
     assert written == {*report.ALL_FILES} - kept
 
 
-def test_interrupt_in_third_flight_keeps_two(call, good, refuse, desk, monkeypatch):
+def test_interrupt_in_third_flight_keeps_two(call, good, refuse, desk, undrawn, monkeypatch):
     """While its numbers are written; when finished nothing is kept."""
     command = ("learn", "../given/cascade.yaml", "--all")
-    monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)  # slow
     original = report.write_table
     good(*command, "--flights", "2", "--out", "two")
 
@@ -346,9 +345,8 @@ def test_interrupt_in_third_flight_keeps_two(call, good, refuse, desk, monkeypat
     assert after[1][1:] == before[2][1:]
 
 
-def test_every_end_of_learn_names_the_kept_flights(call, desk, monkeypatch):
+def test_every_end_of_learn_names_the_kept_flights(call, desk, undrawn, monkeypatch):
     """An error in the second flight, and Ctrl-C when all is written."""
-    monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)  # slow
     command = ("learn", "../given/cascade.yaml", "--flights", "2", "--out")
     own, remove = trials.run_trial, report.remove_unfinished
 
@@ -365,4 +363,5 @@ def test_every_end_of_learn_names_the_kept_flights(call, desk, monkeypatch):
     stop = [lambda: signal.raise_signal(signal.SIGINT)]
     monkeypatch.setattr(report, "remove_unfinished", lambda x: (stop.pop()(), remove(x)))
     assert call(*command, "done").code == 130
-    assert set(command_line.snapshot(desk / "done")) == {*report.FILES}
+    kept = {name for name in report.ALL_FILES if name.startswith("unfinished/")}
+    assert set(command_line.snapshot(desk / "done")) == {*report.ALL_FILES} - kept

@@ -1,7 +1,5 @@
 """The regressor of identification against Drake, and the choice of its cut-off."""
 
-import sys
-
 import numpy as np
 import pytest
 from helpers.known_truth import changed, motion, recorded_of, true_robot
@@ -10,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
-from sdt_drake.machine.identify import equations as module
 from sdt_drake.machine.identify.base_parameters import (
     Unknown,
     rigid_columns,
@@ -62,13 +59,12 @@ def test_identifiability_words_of_the_shipped_device(robot):
     assert "+ 6.76 mass of roll_frame" in first and "+ motor inertia of planetary" in first
 
 
-def test_equations_in_blocks_equal_those_at_once(robot, monkeypatch):
+def test_equations_in_blocks_equal_those_at_once(robot):
     (stretch,), _ = stretches(recorded_of(true_robot(robot)))
     arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
     whole = equations(*arguments)
-    monkeypatch.setattr(sys.modules[equations.__module__], "_BLOCK_SAMPLES", 900)
-    parts = equations(*arguments)
-    assert np.all(parts.part == 0)
+    parts = equations(*arguments, block=900)
+    assert len(parts.time) == len(whole.time) and np.all(parts.part == 0)
     for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
         one, other = getattr(parts, name), getattr(whole, name)
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
@@ -115,18 +111,6 @@ def test_recorded_speeds_are_used_where_less_noisy(robot, clean):
     assert not choice(robot, bad)[1]
     found = identify(robot, [good], only="friction", cutoff=4.0)
     assert found.speeds and "recorded speeds are used" in " / ".join(found.notes)
-
-
-def test_columns_in_blocks_equal_those_at_once(robot, true, monkeypatch):
-    (stretch,), _ = stretches(recorded_of(true))
-    arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
-    whole = equations(*arguments)
-    monkeypatch.setattr(module, "_BLOCK_SAMPLES", 900)
-    parts = equations(*arguments)
-    assert len(parts.time) == len(whole.time) and np.all(parts.part == 0)
-    for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
-        one, other = getattr(parts, name), getattr(whole, name)
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
 
 
 def test_windows_spread_over_the_whole_recording():

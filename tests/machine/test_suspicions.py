@@ -77,7 +77,7 @@ def test_swapped_torques_of_alike_motions_are_not_taken_for_units():
     assert names(one, "swapped")
 
 
-def test_nothing_is_said_of_clean_recordings():
+def test_clean_simulated_recordings_have_no_finding():
     robot, recorded = recording("arm3", "", 30)
     found = identify(robot, [recorded], cutoff=CUTOFF)
     assert blames(found) == []

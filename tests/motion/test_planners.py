@@ -20,7 +20,6 @@ from sdt_drake.motion import (
     load_command,
     plan_motion,
     retime,
-    retiming,
 )
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import inverse_dynamics
@@ -307,8 +306,7 @@ def test_joint_off_its_command_at_the_end_is_refused(robot, acceleration, found)
         plan_motion(calm, spin_up())
 
 
-def test_retimed_motion_of_too_many_periods_is_refused(robot, monkeypatch):
-    monkeypatch.setattr(retiming, "MAX_PERIODS", 840)
-    assert 4 < retime(robot, SWING, torque_margin=0.65).motion.duration < 4.2
+def test_retimed_motion_of_too_many_periods_is_refused(robot):
+    assert 4 < retime(robot, SWING, torque_margin=0.65, max_periods=840).motion.duration < 4.2
     with pytest.raises(InputError, match=r"'alone' refused: .* 1\.05 times as long .*, 4 s"):
-        retime(robot, SWING, torque_margin=0.5)
+        retime(robot, SWING, torque_margin=0.5, max_periods=840)

@@ -4,13 +4,21 @@ import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.arguments import a_path, finite_number, positive, share, takes, whole_periods
+from sdt_drake.io.arguments import (
+    a_path,
+    finite_number,
+    instance_of,
+    positive,
+    share,
+    takes,
+    whole_periods,
+)
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.progress import work
@@ -25,25 +33,34 @@ from sdt_drake.pilot.head import GRAVITY, check_head
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
 from sdt_drake.robot.robot import Robot, load_robot
 
-SEATS = (0.0, np.pi / 2, -np.pi / 2)
-"""First angles of the last joint for the search [rad]."""
-
 SMOOTH = (1.0, 2.0)
 """Smoothing times of alignments [s]; the search starts from the first."""
-
-FRONT = (0.1, 0.3, 3.0, 10.0)
-"""Weights of the G error on the Pareto front over the given weight [-]."""
 
 _WEIGHT_BESIDE = 0.05  # weight of errors before and after the flight
 _SEARCH_SHARE = 0.6  # share of the search in the work, with comparisons
 _SENSED_PERIOD = 0.02  # sample period for the perception model [s]
 _WASHED_SMOOTH = 0.2  # smoothing time of a washout [s]
-_WEIGHT = 1.5  # first weight of the G error
 _WEIGHINGS, _EXPONENT = 4, 3.0  # changes of the weight; weight over G error, as a power
+_CHANGES = 0.1, 10.0  # factor of a change
 _GOAL, _TOLERANCE = 0.97, 0.05  # G error to aim at, over that of alignment
 _POLISHES, _POLISH_STEPS, _FRONT_STEPS = 5, 6, 10
 _OVERSHOOT = 0.002  # torque between knots that may exceed the limit, over the limit
 _MAX_TILT = 1e-6  # of a vertical axis [rad]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What `fly` tries."""
+
+    seats: tuple[float, ...] = (0.0, np.pi / 2, -np.pi / 2)
+    """First angles of the last joint [rad]; the search starts from each."""
+    front: tuple[float, ...] = (0.1, 0.3, 3.0, 10.0)
+    """Weights of the G error on the Pareto front over the chosen weight [-]."""
+    g_weight: float = 1.5
+    """First weight of the G error where none is given [-]."""
+
+
+WHOLE = Effort()
 
 
 def _columns(value: FlightColumns | str | Path, name: str) -> object:
@@ -60,7 +77,7 @@ def _resultant(value: float, name: str) -> float:
 
 @takes(
     columns=_columns, approach=positive, departure=positive, idle_g=_resultant, knot=positive,
-    torque_margin=share, g_weight=positive,
+    torque_margin=share, g_weight=positive, effort=instance_of(Effort),
 )  # fmt: skip
 def fly(
     robot: Robot | str | Path,
@@ -75,6 +92,7 @@ def fly(
     g_weight: float | None = None,
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
+    effort: Effort = WHOLE,
 ) -> CueingResult:
     """Search for a motion of a device whose force and felt rotation come near those of a flight.
 
@@ -109,6 +127,7 @@ def fly(
             gives a smaller G error. By default 1.5, changed if alignment has a smaller error.
         perception: Perception model for the felt vertical, or its name.
         compare: True to find the motion without limits of torque and the Pareto front, too.
+        effort: Starts of the search, weights of the Pareto front, and the first weight.
 
     Raises:
         InputError: The flight or the device cannot be used, or no motion keeps the limits.
@@ -119,7 +138,8 @@ def fly(
     _check(robot, knot, approach)
     began = clock.process_time()
     ends = (approach, departure)
-    problem = _problem_of(robot, flight, ends, idle_g, knot, torque_margin, g_weight or _WEIGHT)
+    weight = g_weight or effort.g_weight
+    problem = _problem_of(robot, flight, ends, idle_g, knot, torque_margin, weight)
     rough = replace(problem, knot=2 * knot, **{
         name: getattr(problem, name)[::2] for name in ("force", "rate", "weight")
     })  # fmt: skip
@@ -131,12 +151,13 @@ def fly(
         return candidate(name, motion=trajectory.motion(INTERPOLATION_PERIOD))
 
     with work() as report:
-        starts = [(sense, seat) for sense in ((1, -1) if problem.arm else (1,)) for seat in SEATS]
+        senses = (1, -1) if problem.arm else (1,)
+        starts = [(sense, seat) for sense in senses for seat in effort.seats]
         x = aligned(problem, starts)
         alignments = [
             shown(f"alignment, seat at {np.degrees(starts[k][1]):.0f} deg, smoothed {smooth:g} s",
                   fitted(problem, angles(problem, x[k], smooth, *ends)))
-            for k in range(len(SEATS)) for smooth in SMOOTH
+            for k in range(len(effort.seats)) for smooth in SMOOTH
         ]  # fmt: skip
         aligned_best = min(alignments, key=lambda one: one.felt_rotation)
         washout = fitted(problem, angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends))
@@ -154,8 +175,8 @@ def fly(
             if compare and not search.interrupted:
                 free = replace(problem, torque_share=np.inf)
                 unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
-                for point in _front(problem, chosen):
-                    report(part + (1 - part) * len(front) / (len(FRONT) + 1))
+                for point in _front(problem, chosen, effort.front):
+                    report(part + (1 - part) * len(front) / (len(effort.front) + 1))
                     front.append(point)
     best = shown("this motion", chosen)
     with within("no motion keeps the limits; the best one found"):
@@ -229,7 +250,7 @@ class _Search:
                 g, rotation = losses(trajectory)
                 if g <= 1 and (rotation <= 1 or g >= _GOAL - _TOLERANCE):
                     return
-                factor = np.clip((g / _GOAL) ** _EXPONENT, min(FRONT), max(FRONT))
+                factor = np.clip((g / _GOAL) ** _EXPONENT, *_CHANGES)
                 other = replace(problem, g_weight=float(factor) * problem.g_weight)
                 self._improve(self._later, other, trajectory, _FRONT_STEPS)
 
@@ -337,13 +358,15 @@ def _tightened(problem: Problem, trajectory: Trajectory) -> Problem | None:
     )
 
 
-def _front(problem: Problem, chosen: Trajectory) -> Iterator[tuple[float, Trajectory]]:
+def _front(
+    problem: Problem, chosen: Trajectory, factors: Sequence[float]
+) -> Iterator[tuple[float, Trajectory]]:
     """Yield trajectories with other weights of the G error, each found from its neighbour."""
-    above = sorted(factor for factor in FRONT if factor > 1)
-    below = sorted((factor for factor in FRONT if factor < 1), reverse=True)
-    for factors in (above, below):
+    above = sorted(factor for factor in factors if factor > 1)
+    below = sorted((factor for factor in factors if factor < 1), reverse=True)
+    for side in (above, below):
         trajectory = chosen
-        for factor in factors:
+        for factor in side:
             other = replace(problem, g_weight=factor * problem.g_weight)
             trajectory = solve(other, trajectory, lambda *_: None, _FRONT_STEPS)
             yield factor, trajectory

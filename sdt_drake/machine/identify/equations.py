@@ -113,6 +113,7 @@ def equations(
     parts: Sequence[tuple[int, bool | float, Stretch]],
     cutoff: float,
     candidates: Callable[[float], tuple[FrictionLaw, ...]] = laws,
+    block: int = _BLOCK_SAMPLES,
 ) -> Equations:
     """Make the equations of recordings.
 
@@ -123,6 +124,7 @@ def equations(
             [s] (inf: all is fitted), and the stretch.
         cutoff: Cut-off frequency of the compared torques [Hz].
         candidates: Function from a joint's largest speed [rad/s] to its candidate friction laws.
+        block: Largest number of samples in memory at once.
     """
     motions = [smooth(stretch, cutoff) for *_, stretch in parts]
     slowest, fastest = slowest_and_fastest(robot, motions, cutoff)
@@ -130,8 +132,8 @@ def equations(
     terms = tuple(map(terms_of, tried))
     rows = [
         [
-            _rows(robot, unknown, block, cutoff, terms, slowest, at)
-            for block, at in _blocks(m, cutoff)
+            _rows(robot, unknown, some, cutoff, terms, slowest, at)
+            for some, at in _blocks(m, cutoff, block)
         ]
         for m in motions
     ]
@@ -166,7 +168,7 @@ def slowest_and_fastest(
     return np.where(noise > motion, np.inf, slowest), fastest
 
 
-def _blocks(motion: Smooth, cutoff: float) -> Iterator[tuple[Smooth, Index]]:
+def _blocks(motion: Smooth, cutoff: float, size: int) -> Iterator[tuple[Smooth, Index]]:
     """Yield a motion in overlapping blocks, each with the indices of its compared samples.
 
     The overlap is as long as the response of the filters.
@@ -174,7 +176,7 @@ def _blocks(motion: Smooth, cutoff: float) -> Iterator[tuple[Smooth, Index]]:
     count = len(motion.time)
     margin = int(_MARGIN / (cutoff * motion.period))
     for at in np.array_split(
-        np.arange(count)[compared(count, cutoff, motion.period)], 1 + count // _BLOCK_SAMPLES
+        np.arange(count)[compared(count, cutoff, motion.period)], 1 + count // size
     ):
         first = max(0, at[0] - margin) if len(at) else 0
         block = slice(first, at[-1] + 1 + margin if len(at) else count)

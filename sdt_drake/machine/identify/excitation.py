@@ -46,8 +46,10 @@ _SOFT = 0.95  # share of the limits at which the penalty begins
 _FIRST_ROUNDS, _SHRINKINGS = 12, 50
 _OTHERS, _HALVINGS, _SAFE = 8, 10, 0.98  # held-out motion: candidates, bisections, share of limits
 _SEARCH = {True: (6, 100, _FINER), False: (2, 50, 1)}
-"""Effort for up to four joints, and for more: starts for each base period, iterations from the best
-start, and factor on its samples."""
+"""Effort of a thorough search, and of a quick one.
+
+Starts for each base period, iterations from the best start, and factor on its samples.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +162,7 @@ def excite(
     margin: float = MARGIN,
     gently: float = 1.0,
     acceleration: Sequence[float] | None = None,
+    thorough: bool | None = None,
 ) -> Excitation:
     """Find the motion that determines the parameters of a target best.
 
@@ -169,6 +172,7 @@ def excite(
         margin: Share of the robot's limits that the motion may use, in (0, 1].
         gently: Further factor on the limits of speed and acceleration, in (0, 1].
         acceleration: Limits in place of those of the file [rad/s²], length n.
+        thorough: True for a long search; by default that of up to four joints.
 
     Raises:
         InputError: No motion is within the limits.
@@ -189,7 +193,7 @@ def excite(
         return found.fun, problem, found.x
 
     tried, round_ = [], count(1)
-    starts, last_rounds, finer = _SEARCH[robot.n <= 4]
+    starts, last_rounds, finer = _SEARCH[robot.n <= 4 if thorough is None else thorough]
     all_rounds = len(_BASE_PERIODS) * starts * _FIRST_ROUNDS + last_rounds
     with work() as report:
         for about in _BASE_PERIODS:
