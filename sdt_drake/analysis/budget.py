@@ -1,7 +1,5 @@
 """Error budget: the share of each cause in the speed error, found by removing it from the loop."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ Process and feedback are linearised separately, so that each sampled part is clo
 own period. A slower part is closed around the zero-order-hold map of the faster parts.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Metrics of a run: title, unit and format of each number, for all tables and figures."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Step responses and their metrics."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

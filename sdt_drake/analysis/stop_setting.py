@@ -1,7 +1,5 @@
 """The figures of an emergency stop, and what all stops of a motion share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

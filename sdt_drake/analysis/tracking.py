@@ -1,7 +1,5 @@
 """Tracking metrics of a simulated run: joints, motors, and the pilot's head."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

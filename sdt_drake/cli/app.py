@@ -1,7 +1,5 @@
 """The command line `sdt-drake`."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shlex

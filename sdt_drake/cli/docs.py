@@ -1,7 +1,5 @@
 """The command `docs`."""
 
-from __future__ import annotations
-
 import webbrowser
 from importlib.metadata import metadata
 from pathlib import Path

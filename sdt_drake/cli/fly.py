@@ -1,7 +1,5 @@
 """The command `fly`."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import sdt_drake as sdt

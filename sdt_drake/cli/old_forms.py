@@ -1,7 +1,5 @@
 """Command lines of 0.4 in today's form; they work until 0.7."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

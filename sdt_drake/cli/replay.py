@@ -1,7 +1,5 @@
 """The command `replay`."""
 
-from __future__ import annotations
-
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Columns, Given, Out, Scenario, Show, Side

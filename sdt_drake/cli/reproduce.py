@@ -1,7 +1,5 @@
 """The command `reproduce`."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command `step`."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Problems in the words of the command line: options in place of arguments and fields."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from inspect import BoundArguments, Parameter

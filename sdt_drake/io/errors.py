@@ -1,7 +1,5 @@
 """`InputError`, the exception for all bad input of users."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Iterable, Iterator

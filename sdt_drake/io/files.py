@@ -1,7 +1,5 @@
 """Reading and writing of files: atomic writes that never replace an input of the command."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import fcntl

@@ -4,8 +4,6 @@ Files of version 5 are read here, because scipy allocates any memory that such a
 crashes on deeply nested structures. The format: "MAT-File Format", MathWorks, chapter 1.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

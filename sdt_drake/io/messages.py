@@ -1,7 +1,5 @@
 """Problems of a model in words, from the errors of pydantic and the model's JSON Schema."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

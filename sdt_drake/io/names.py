@@ -1,7 +1,5 @@
 """Fields by dotted names, such as "controller.kp[2]", of objects, mappings and JSON Schemas."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping

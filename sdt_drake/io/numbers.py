@@ -1,7 +1,5 @@
 """Rectangular tables of numbers from text files with any delimiter, and from binary files."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ for design in with_progress(designs):
     ...  # nested computations do not report their own progress
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

@@ -1,7 +1,5 @@
 """Locations of files: short names of shipped files, paths of all others."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from functools import cache

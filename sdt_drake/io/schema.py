@@ -1,7 +1,5 @@
 """JSON Schemas of the models of files, and the rows of the reference from them."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import copy

@@ -1,7 +1,5 @@
 """Signals held off while files move: Ctrl-C and others arrive before or after, not in between."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

@@ -4,8 +4,6 @@ A data file may name a Python file. It is run only with the user's permission: a
 stored in the user's folder, or `trust=True` or `--trust` for one call.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Reading and writing of YAML files, as plain data and as objects of models."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commanded joint speeds as functions of time, made from a motion profile and a robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +39,7 @@ class SpeedProfile:
     """Smooth speeds that are added to the pieces, each with its start [s]."""
 
     @staticmethod
-    def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> SpeedProfile:
+    def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> "SpeedProfile":
         """Return the speed that is linear between the points."""
         return SpeedProfile(
             np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=np.bool_)
@@ -114,7 +112,7 @@ class Command:
     """All segments, track after track."""
 
     @staticmethod
-    def of_motion(name: str, motion: Motion) -> Command:
+    def of_motion(name: str, motion: Motion) -> "Command":
         """Return the command that follows the speeds of a motion."""
         joints = tuple(SpeedProfile.linear(motion.time, v) for v in motion.v.T)
         return Command(name, motion.duration, motion.q[0], joints)

@@ -1,7 +1,5 @@
 """The learned reference: the input of a controller in place of the planned motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,7 +40,7 @@ class LearnedReference:
         write_table(path, self.motion.time, columns)
 
     @staticmethod
-    def from_csv(path: str | Path) -> LearnedReference:
+    def from_csv(path: str | Path) -> "LearnedReference":
         """Read a file that `to_csv` has written.
 
         Raises:

@@ -1,7 +1,5 @@
 """The limiter, the paper's off-line planner (Section 2): weak motors lag and catch up."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

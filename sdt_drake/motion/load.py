@@ -1,7 +1,5 @@
 """Reading of motion profiles and motion files, and planning of their motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

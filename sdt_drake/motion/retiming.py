@@ -1,7 +1,5 @@
 """The retiming planner: the commanded path in the shortest time within the limits."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 

@@ -1,7 +1,5 @@
 """Spin about the vertical for a commanded G, and alignment of a joint with the resultant."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inverse dynamics by torque groups, decoupling into motor loads, and effective inertia."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -242,7 +240,7 @@ class InertiaRange:
     """Smallest I_eff."""
 
     @staticmethod
-    def of(i_eff: Array) -> InertiaRange:
+    def of(i_eff: Array) -> "InertiaRange":
         """Compute the range of I_eff, shape (N, n)."""
         return InertiaRange(
             maximum=np.max(i_eff, axis=0),

@@ -3,8 +3,6 @@
 All functions accept numbers, or symbols of shape (n,).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Parse the plant of an SDF into Drake, and refuse what is no serial chain of driven joints."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence

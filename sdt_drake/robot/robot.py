@@ -1,7 +1,5 @@
 """`Robot`, a validated serial robot from an SDF or URDF file: plant, motors, gears and limits."""
 
-from __future__ import annotations
-
 import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """The XML of a robot: reading SDF and URDF, checks that Drake's parser omits, and edits."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import xml.etree.ElementTree as ET

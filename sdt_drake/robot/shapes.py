@@ -1,7 +1,5 @@
 """The shapes of a robot's file, for drawing."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Conversion of URDF to SDF, so that robots are checked and edited in one format."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path

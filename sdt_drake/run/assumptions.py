@@ -1,7 +1,5 @@
 """Variants of a device that an analysis needs and no scenario has."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -27,7 +25,7 @@ class Assumptions:
     shape (N + 1, n) each. The motors then have no effect, and the log shows what the controller
     would command."""
 
-    def checked(self, motion: Motion) -> Assumptions:
+    def checked(self, motion: Motion) -> "Assumptions":
         """Return the assumptions with a prescribed motion of finite samples, like those of motion.
 
         Raises:

@@ -1,7 +1,5 @@
 """The union of the options of all controllers, of which `kind` chooses one."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, cast

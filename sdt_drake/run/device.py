@@ -1,7 +1,5 @@
 """The device as one diagram, its encoders, and the equilibrium at the start of a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The torques of the reference as a diagram: feedforward, load torque and alleviating torque."""
 
-from __future__ import annotations
-
 from typing import cast
 
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System

@@ -1,7 +1,5 @@
 """The closed loop of a design as a Drake diagram."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

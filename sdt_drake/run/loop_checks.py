@@ -1,7 +1,5 @@
 """Checks of controllers and external references, before a loop is made and before it runs."""
 
-from __future__ import annotations
-
 from typing import cast
 
 from pydrake.systems.framework import Context, Diagram, System

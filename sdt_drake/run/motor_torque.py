@@ -1,7 +1,5 @@
 """Torque of the motors within each period, from values logged at the integrator's steps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 The checks reject a reference that does not fit the robot and loops that are too stiff to simulate.
 """
 
-from __future__ import annotations
-
 from weakref import WeakKeyDictionary
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The logs of a run, and the command just after each update of its inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The reference of a loop: planned or learned, on a clock that it shares with the drives."""
 
-from __future__ import annotations
-
 import copy
 import math
 from dataclasses import dataclass, replace

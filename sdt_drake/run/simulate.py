@@ -1,7 +1,5 @@
 """The simulation of a loop."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping, Sequence
 from traceback import extract_tb

@@ -1,7 +1,5 @@
 """One emergency stop of the coupled plant: joints coast, follow a ramp of their drive, or brake."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import cast
 

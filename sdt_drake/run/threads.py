@@ -1,7 +1,5 @@
 """Threads for parallel simulations; Drake steps without the interpreter lock."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager

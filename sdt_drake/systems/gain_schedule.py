@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import Diagram, DiagramBuilder
 

@@ -1,7 +1,5 @@
 """Gains of the PI speed controllers, and the feedforward torque."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args

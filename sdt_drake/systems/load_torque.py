@@ -1,7 +1,5 @@
 """Torques of the reference, computed online from the MultibodyPlant. No state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 from weakref import proxy

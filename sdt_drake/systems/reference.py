@@ -1,7 +1,5 @@
 """Sources along a motion: the reference, and tables of signals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Drawings of robots without shapes: rods, rings where axes meet, arrows along axes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple

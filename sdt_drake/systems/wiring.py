@@ -1,7 +1,5 @@
 """Parts of diagrams: their names, states and logs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The controllers: a file for each with its options and its diagram; and your own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

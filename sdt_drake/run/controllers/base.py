@@ -1,7 +1,5 @@
 """The base class of controllers of your own, and the signals that they may read."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from numpy.typing import ArrayLike

@@ -1,7 +1,5 @@
 """Controllers by their kind, shipped and your own, and registration of your own."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable, Mapping
