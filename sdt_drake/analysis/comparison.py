@@ -1,12 +1,10 @@
 """Comparison of controllers on one scenario: errors, motor torques, and required model data."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +22,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.files import write_csv
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.shown import Shown, Summary, higher
+from sdt_drake.io.shown import DataFrame, Figure, Shown, Summary, higher
 from sdt_drake.pilot.head import has_head
 from sdt_drake.run.controllers import CONTROLLERS, ChosenFeedforward
 from sdt_drake.run.design import Design, as_design
@@ -33,10 +31,6 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.run.threads import threads
 from sdt_drake.systems.gains import FEEDFORWARDS
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +94,7 @@ class Comparison(list[Compared], Shown):
         """Return a figure of errors and torques by controller, side by side."""
         return higher("show.figures.runs:comparison")(f"Comparison {self.summary().title}", self)
 
-    def to_pandas(self) -> pd.DataFrame:
+    def to_pandas(self) -> DataFrame:
         """Return METRICS in their computed units (SI), a row for each controller and joint.
 
         Raises:

@@ -1,10 +1,8 @@
 """Frequency responses of the loops, and their margins and bandwidths."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +13,10 @@ from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary, by_joint, formatted, higher, joint_count
+from sdt_drake.io.shown import Figure, Shown, Summary, by_joint, formatted, higher, joint_count
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.scenario import Scenario
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MAX_STATIC_CHANGE = 0.1
 """Largest phase [rad] and slope [powers of omega] of a loop gain that counts as constant."""

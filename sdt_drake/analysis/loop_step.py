@@ -1,10 +1,7 @@
 """The response of a loop to a step at one of its inputs, at rest or while it moves."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +14,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary, formatted, higher, listed, numbered
+from sdt_drake.io.shown import Figure, Shown, Summary, formatted, higher, listed, numbered
 from sdt_drake.run.controllers import (
     make_controller,
     own_code,
@@ -30,9 +27,6 @@ from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import MIN_ACCURACY, make_simulator, stuck
 from sdt_drake.systems import signal_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INPUTS = {"reference": "rad/s", "extra_load_torque": "N m", "tau_cmd": "N m"}
 """Inputs that can step, and the units of a step; see `step`."""

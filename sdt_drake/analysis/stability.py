@@ -10,13 +10,10 @@ can become unstable at a smaller ratio, by a smaller inertia or the motion of ot
 coupled plant, one joint elastic at a time, where its inertia is largest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +24,7 @@ from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary, higher, of_joints
+from sdt_drake.io.shown import Figure, Shown, Summary, higher, of_joints
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import ENCODERS, Drive, Elasticity, Encoder
 from sdt_drake.robot.dynamics import where_largest
@@ -35,9 +32,6 @@ from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 from sdt_drake.systems.state_space import StateSpace
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MIN_OMEGA_R = 0.1
 """Smallest omega_r of a sweep [rad/s]; slower modes are lost in round-off of a sampled loop."""

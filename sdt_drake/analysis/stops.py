@@ -1,13 +1,11 @@
 """Emergency stops at every instant of a motion: what happens to joints and pilot, and when."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +15,7 @@ from sdt_drake.io.arguments import a_path, instance_of, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.shown import Shown, Summary, higher, joint_count
+from sdt_drake.io.shown import DataFrame, Figure, Shown, Summary, higher, joint_count
 from sdt_drake.io.tables import data_frame, write_table
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import resampled
@@ -29,10 +27,6 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.run.stopping import Course, StopPlant
 from sdt_drake.run.threads import threads
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 _THREADS = 2
 _SLOWER = [2 ** (k / 8) for k in range(17)]  # durations of a motion over its own that are tried
@@ -139,7 +133,7 @@ class Stops(Shown):
         """Return a figure of the figures over the time of the stop."""
         return higher("show.figures.stops:stops_figure")(self)
 
-    def to_pandas(self) -> pd.DataFrame:
+    def to_pandas(self) -> DataFrame:
         """Return a data frame of the figures [SI]; its index is the time of the stop [s].
 
         Raises:

@@ -11,7 +11,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Figure
+    from pandas import DataFrame as DataFrame
+
     from sdt_drake.io.arrays import Array
+else:  # their packages load when a figure is drawn, or a table made
+    Figure = DataFrame = Any
 
 
 class Summary(NamedTuple):

@@ -1,10 +1,7 @@
 """Tables as .csv, .mat or .parquet: first column `time`, column `name_k` for joint k."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +10,7 @@ from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.files import checked_suffix, replacing
 from sdt_drake.io.formats import BINARY, TABLES, check_binary, flat, write_binary
 from sdt_drake.io.numbers import Numbers, read_numbers
-
-if TYPE_CHECKING:
-    import pandas as pd
+from sdt_drake.io.shown import DataFrame
 
 
 def write_table(
@@ -46,7 +41,7 @@ def write_table(
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
+def data_frame(time: Array, columns: Mapping[str, Array]) -> DataFrame:
     """Make a pandas table with time [s] as index and a column `name_k` for joint k.
 
     Args:

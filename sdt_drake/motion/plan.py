@@ -1,9 +1,6 @@
 """Plans, the checks that all planners share, and the margins of a motion to its limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +8,11 @@ from numpy.typing import NDArray
 from sdt_drake.io.arguments import instance_of, takes, whole_periods
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
+from sdt_drake.io.shown import Figure, Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.trajectory import Loss, Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INTERPOLATION_PERIOD = 0.005
 """Published interpolation period [s]."""

@@ -1,11 +1,8 @@
 """Motions of all joints at the interpolation period, and motion files of any sample period."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
@@ -13,12 +10,8 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from sdt_drake.io.arguments import a_path, finite, positive, takes, whole_periods
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
+from sdt_drake.io.shown import DataFrame, Figure, Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, data_frame, read_table, write_table
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 MOTION_COLUMNS = ("q_ref", "v_ref", "vd_ref")
 
@@ -55,7 +48,7 @@ class Motion(Shown):
 
     @staticmethod
     @takes(period=positive, q0=finite("(n,)"), v=finite("(N + 1, n)"))
-    def from_speeds(period: float, q0: Array, v: Array) -> Motion:
+    def from_speeds(period: float, q0: Array, v: Array) -> "Motion":
         """Return the motion with speeds `v` [rad/s], shape (N + 1, n), from `q0` [rad], shape (n,).
 
         Raises:
@@ -70,7 +63,7 @@ class Motion(Shown):
 
     @staticmethod
     @takes(period=positive, q=finite("(N + 3, n)"))
-    def from_positions(period: float, q: Array) -> Motion:
+    def from_positions(period: float, q: Array) -> "Motion":
         """Return the motion through positions at (i - 1) * period, i = 0..N + 2, shape (N + 3, n).
 
         The speeds are central differences: v_i = (q_i+1 - q_i-1) / (2 h). Its positions are then
@@ -135,7 +128,7 @@ class Motion(Shown):
             raise InputError(f"{len(names)} name(s), expected {self.n}", place="joint_names")
         return higher("show.figures.runs:trajectories")("Motion", self, names)
 
-    def to_pandas(self) -> pd.DataFrame:
+    def to_pandas(self) -> DataFrame:
         """Return a table of q_ref_k, v_ref_k, vd_ref_k with time as its index.
 
         Raises:
@@ -155,7 +148,7 @@ class Motion(Shown):
 
     @staticmethod
     @takes(path=a_path)
-    def from_csv(path: str | Path) -> Motion:
+    def from_csv(path: str | Path) -> "Motion":
         """Read a motion file that `to_csv` has written; further columns are ignored.
 
         Raises:

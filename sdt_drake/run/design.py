@@ -14,7 +14,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
-from sdt_drake.io.shown import Shown, Summary, higher, of_joints
+from sdt_drake.io.shown import Figure, Shown, Summary, higher, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_plan
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
@@ -39,9 +39,6 @@ from sdt_drake.run.reference import Reference, drive_on_clock, reference_of
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.tuning import Feedforward, Tuning, tuning_of
 from sdt_drake.systems.state_space import LinearModel
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,8 @@
 """The recording of a run: its signals at the interpolation period."""
 
-from __future__ import annotations
-
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from pydantic import ConfigDict, SkipValidation, WithJsonSchema
@@ -13,14 +11,10 @@ from sdt_drake.io.arguments import a_path, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.fields import field
-from sdt_drake.io.shown import Shown, Summary, higher, joint_count, of_joints
+from sdt_drake.io.shown import DataFrame, Figure, Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.scenario import Scenario
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 # Columns of a recording's file, in this order.
 RECORDED_COLUMNS = (
@@ -126,7 +120,7 @@ class Recording(Shown):
         title = "Recording" if design is None else design.scenario.summary().title
         return higher("show.figures.scope:scope")(title, self, design, joint)
 
-    def to_pandas(self) -> pd.DataFrame:
+    def to_pandas(self) -> DataFrame:
         """Return a data frame with RECORDED_COLUMNS of each joint; its index is the time [s].
 
         Raises:
@@ -149,7 +143,7 @@ class Recording(Shown):
 
     @staticmethod
     @takes(path=a_path)
-    def load(path: str | Path) -> Recording:
+    def load(path: str | Path) -> "Recording":
         """Read a file that `save` wrote; further columns are ignored.
 
         Raises:
@@ -171,7 +165,7 @@ class Recording(Shown):
         self.save(path)
 
     @staticmethod
-    def from_csv(path: str | Path) -> Recording:
+    def from_csv(path: str | Path) -> "Recording":
         """Read a file by the old name of `load`."""
         renamed("Recording.from_csv", "Recording.load")
         return Recording.load(path)

@@ -1,16 +1,13 @@
 """The tuning of a controller: gains and torque feedforward, from its model of the robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.shown import Shown, Summary, higher, of_joints
+from sdt_drake.io.shown import Figure, Shown, Summary, higher, of_joints
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import FrictionParameters, friction_parameters, sliding_friction
 from sdt_drake.robot.dynamics import InertiaRange, effective_inertia
@@ -26,9 +23,6 @@ from sdt_drake.systems.gains import (
     oscillation_frequency,
     tune,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
