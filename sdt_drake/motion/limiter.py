@@ -6,17 +6,8 @@ from numpy.typing import NDArray
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import work
+from sdt_drake.motion import plan
 from sdt_drake.motion.command import Command
-from sdt_drake.motion.plan import (
-    ACCELERATION_TOLERANCE,
-    INTERPOLATION_PERIOD,
-    SPEED_TOLERANCE,
-    TORQUE_TOLERANCE,
-    Plan,
-    check_no_load_speed,
-    checked_plan,
-    commanded_motion,
-)
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
@@ -32,9 +23,9 @@ def plan_motion(
     robot: Robot,
     command: Command,
     *,
-    period: float = INTERPOLATION_PERIOD,
+    period: float = plan.INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
-) -> Plan:
+) -> plan.Plan:
     """Plan a motion in which a joint beyond its limits accelerates less and catches up later.
 
     Limits are those of the motors' torque and of acceleration. A motor that turns with two joints
@@ -64,11 +55,11 @@ def plan_motion(
     >>> plan.motion.duration, plan.limited.any().item()
     (85.0, False)
     """
-    commanded = commanded_motion(robot, command, period)
-    check_no_load_speed(robot, commanded)  # a joint held back there would never catch up
+    commanded = plan.commanded_motion(robot, command, period)
+    plan.check_no_load_speed(robot, commanded)  # a joint held back there would never catch up
     v, limited = _limited_speeds(robot, commanded, torque_margin)
     motion = Motion.from_speeds(period, commanded.q[0], v)
-    return checked_plan(robot, motion, commanded, torque_margin, limited)
+    return plan.checked_plan(robot, motion, commanded, torque_margin, limited)
 
 
 def _limited_speeds(
@@ -77,7 +68,7 @@ def _limited_speeds(
     """Return the speeds nearest to the command, and where they are limited, (N + 1, n) each."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     period, command = commanded.period, commanded.v
-    largest = robot.acceleration_limit + ACCELERATION_TOLERANCE / 2
+    largest = robot.acceleration_limit + plan.ACCELERATION_TOLERANCE / 2
     guard = _LostMotionGuard(robot, commanded)
     to_joints = np.linalg.inv(robot.gear_coupling)  # speeds of gears to those of joints
     limited = np.zeros(command.shape, dtype=bool)
@@ -182,7 +173,9 @@ def _with_motors_at_limit(
     vd[limited] = np.linalg.solve(M[np.ix_(limited, limited)], at_limit - rest)
     torque = M @ vd + bias
     excess = np.maximum(lowest - torque, torque - highest)
-    holds = np.all(excess <= TORQUE_TOLERANCE / 2) and np.all(short * (target - vd)[limited] >= 0)
+    holds = np.all(excess <= plan.TORQUE_TOLERANCE / 2) and np.all(
+        short * (target - vd)[limited] >= 0
+    )
     return vd if holds else None
 
 
@@ -232,7 +225,7 @@ class _LostMotionGuard:
     def check_end(self, v: Array) -> None:
         """Refuse a joint that is not back on its command at the end."""
         v, commanded = map(self._robot.gear_speed, (v, self._commanded.v[-1]))
-        off = np.abs(v - commanded) > SPEED_TOLERANCE
+        off = np.abs(v - commanded) > plan.SPEED_TOLERANCE
         if off.any():
             k = int(np.argmax(off))
             ends = f"ends at {v[k]:.4g} rad/s, commanded is {commanded[k]:.4g} rad/s"

@@ -6,17 +6,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from sdt_drake.io.arguments import MAX_PERIODS
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.motion import plan
 from sdt_drake.motion.command import Command
-from sdt_drake.motion.plan import (
-    ACCELERATION_TOLERANCE,
-    INTERPOLATION_PERIOD,
-    SPEED_TOLERANCE,
-    TORQUE_TOLERANCE,
-    Plan,
-    check_stops,
-    checked_plan,
-    commanded_motion,
-)
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
@@ -35,7 +26,7 @@ _MIN_FRICTION_SPEED = 1e-3  # smallest s' in the linearised viscous friction [-]
 _FULL_SPEED = 1 - 1e-6  # path speed at which a motion is not held back [-]
 # Tolerances of the limits: torque down and up, speed of gears and joints, acceleration.
 _TOLERANCES = np.array(
-    [*[[TORQUE_TOLERANCE]] * 2, *[[SPEED_TOLERANCE]] * 2, [ACCELERATION_TOLERANCE]]
+    [*[[plan.TORQUE_TOLERANCE]] * 2, *[[plan.SPEED_TOLERANCE]] * 2, [plan.ACCELERATION_TOLERANCE]]
 )
 
 
@@ -43,10 +34,10 @@ def retime(
     robot: Robot,
     command: Command,
     *,
-    period: float = INTERPOLATION_PERIOD,
+    period: float = plan.INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
     max_periods: int = MAX_PERIODS,
-) -> Plan:
+) -> plan.Plan:
     """Plan a motion along the commanded path; all joints slow down where a motor is too weak.
 
     The path is q(s) with the commanded time s. The result is the fastest s(t) with s' <= 1
@@ -81,13 +72,13 @@ def retime(
     >>> plan.commanded.duration, plan.motion.duration > 86
     (85.0, True)
     """
-    commanded = commanded_motion(robot, command, period)
-    check_stops(robot, commanded)
+    commanded = plan.commanded_motion(robot, command, period)
+    plan.check_stops(robot, commanded)
     torque = torque_margin * robot.effort_limit
     speeds = robot.gear_speed_limit, robot.velocity_limit
     limits = np.array([torque, torque, *speeds, robot.acceleration_limit])
     if not _excess(robot, commanded, torque_margin).any():
-        return checked_plan(robot, commanded, commanded, torque_margin)
+        return plan.checked_plan(robot, commanded, commanded, torque_margin)
     _check_gravity(robot, commanded, torque)
     path = _Path(robot, commanded, torque)
     # Sampling between the grid points adds torque. Each pass reduces the limits by the excess of
@@ -102,7 +93,7 @@ def retime(
         excess = _excess(robot, motion, torque_margin)
         if not excess.any():
             held_back = np.repeat(path_speed[:, None] < _FULL_SPEED, robot.n, axis=1)
-            return checked_plan(robot, motion, commanded, torque_margin, held_back)
+            return plan.checked_plan(robot, motion, commanded, torque_margin, held_back)
         limits = limits - 1.1 * excess  # 10 % more, as the last bit would take many passes
         within = path.fastest(limits) if slower == 1 else None
         s, slower = (s, _SLOWDOWN * slower**_SLOWDOWN_POWER) if within is None else (within, 1.0)
@@ -301,14 +292,14 @@ def _grid(commanded: Motion) -> Array:
 
 def _moves(v: Array) -> bool:
     """Return True if a joint moves at these speeds [rad/s], up to round-off."""
-    return bool(np.any(np.abs(v) > SPEED_TOLERANCE))
+    return bool(np.any(np.abs(v) > plan.SPEED_TOLERANCE))
 
 
 def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
     """Refuse a path that a motor cannot hold against gravity: slowing down does not help."""
     rest = np.zeros_like(commanded.q)
     holding = _at_gears(robot, commanded.q, rest, rest)
-    beyond = np.abs(holding) > available + TORQUE_TOLERANCE
+    beyond = np.abs(holding) > available + plan.TORQUE_TOLERANCE
     for i, k in np.argwhere(beyond):
         raise InputError(
             f"motion refused: {robot.joint(k)}, at its command of {commanded.time[i]:.3f} s, needs "

@@ -23,19 +23,9 @@ from sdt_drake.io.fields import (
 )
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.resources import find_file
+from sdt_drake.robot import sdf
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot, edited
-from sdt_drake.robot.sdf import (
-    body_of,
-    link_named,
-    links_by_name,
-    parse_xml,
-    pseudo_inertia,
-    scale_link,
-    set_inertia,
-    shift_link,
-    stretched,
-)
 
 _PAYLOAD = "payload"  # default name; such a link is needed only if the payload changes
 
@@ -108,7 +98,7 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
     """
     if deviation.payload != _PAYLOAD:  # check a given name even if nothing changes
         with within(place=where):
-            link_named(parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
+            sdf.link_named(sdf.parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
     if deviation.exact:
         return robot
     known = _made.setdefault(robot, WeakValueDictionary())
@@ -125,22 +115,22 @@ def _apply(deviation: Deviation, robot: Robot, root: ET.Element) -> None:
     if deviation.along:
         _spread(robot, root, find_file(deviation.spread), deviation.along)
     if deviation._changes_payload:
-        payload = link_named(root, deviation.payload, "payload")
+        payload = sdf.link_named(root, deviation.payload, "payload")
         _add_mass(payload, deviation.payload_mass)
-        shift_link(payload, deviation.payload_offset)
-    links = links_by_name(root)
+        sdf.shift_link(payload, deviation.payload_offset)
+    links = sdf.links_by_name(root)
     scales = deviation.link_scales or (1.0,) * len(links)
     if len(scales) != len(links):
         each = f"{len(links)}, one for each of {', '.join(links)}"
         raise InputError(f"{len(scales)} value(s), expected {each}", place="link_scales")
     for link, own in zip(links.values(), scales, strict=True):
-        scale_link(link, deviation.inertia_scale * own)
+        sdf.scale_link(link, deviation.inertia_scale * own)
 
 
 def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float]) -> None:
     """Move the links along directions of a file: ten numbers for each link, in file order."""
     directions = read_numbers(file, min_rows=1).data[:, 1:]
-    links = links_by_name(root)
+    links = sdf.links_by_name(root)
     if directions.shape[1] != 10 * len(links) or not np.all(np.isfinite(directions)):
         raise InputError(
             f"{file}: {directions.shape[1]} columns beside the first, expected {10 * len(links)} "
@@ -154,8 +144,8 @@ def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float]) 
     changes = (np.array(along) @ directions).reshape(-1, 10)
     for (name, link), change in zip(links.items(), changes, strict=True):
         if np.any(change != 0):
-            pseudo = pseudo_inertia(*parts_of(robot.plant.GetBodyByName(name)))
-            set_inertia(link, *body_of(stretched(pseudo, change)))
+            pseudo = sdf.pseudo_inertia(*parts_of(robot.plant.GetBodyByName(name)))
+            sdf.set_inertia(link, *sdf.body_of(sdf.stretched(pseudo, change)))
 
 
 def _add_mass(link: ET.Element, added: float) -> None:
@@ -171,4 +161,4 @@ def _add_mass(link: ET.Element, added: float) -> None:
             f"expected more than {-mass:g}",
             place="payload_mass",
         )
-    scale_link(link, (mass + added) / mass)
+    sdf.scale_link(link, (mass + added) / mass)

@@ -19,18 +19,9 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.robot import parsed
 from sdt_drake.robot.coupling import coupling_of, in_words, motor_inertia
 from sdt_drake.robot.envelope import Envelope
-from sdt_drake.robot.parsed import (
-    STILL,
-    actuators_of,
-    chain_of,
-    check_dynamics,
-    check_inertias_kept,
-    parse,
-    replace_actuators,
-    welded_to,
-)
 from sdt_drake.robot.rounding import fill_zeros
 from sdt_drake.robot.sdf import check_sdf, parse_xml, read_robot_file
 
@@ -254,13 +245,13 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     try:
         robot = _checked_robot(file, root)
     except InputError as error:
-        filled = fill_zeros(root) if error.problems[0].kind == STILL else []
+        filled = fill_zeros(root) if error.problems[0].kind == parsed.STILL else []
         if not filled:
             raise
         changes += filled
         robot = _checked_robot(file, root)
     plant = robot.plant
-    still = welded_to(plant.world_body(), plant)
+    still = parsed.welded_to(plant.world_body(), plant)
     bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
     moving = [body for body in bodies if body.index() not in still]
     massless = [body.name() for body in moving if body.default_mass() == 0]
@@ -302,18 +293,18 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
     """Check an SDF, from a file or edited, and make its robot."""
     corrected = check_sdf(root, file)
     text = ET.tostring(root, encoding="unicode")
-    plant = parse(file, root)
-    joints = chain_of(plant, file)
-    actuators = actuators_of(plant, joints, file)
+    plant = parsed.parse(file, root)
+    joints = parsed.chain_of(plant, file)
+    actuators = parsed.actuators_of(plant, joints, file)
     effort_limit = [a.effort_limit() for a in actuators]
     names = tuple(j.name() for j in joints)
     gear_ratio = np.array([a.default_gear_ratio() for a in actuators])
     rotor_inertia = np.array([a.default_rotor_inertia() for a in actuators])
     coupling = coupling_of(root, names, gear_ratio, file)
     seen = motor_inertia(coupling, gear_ratio, rotor_inertia)
-    replace_actuators(plant, joints, actuators, seen)
+    parsed.replace_actuators(plant, joints, actuators, seen)
     plant.Finalize()
-    check_inertias_kept(plant, root, file)
+    parsed.check_inertias_kept(plant, root, file)
     robot = Robot(
         name=plant.GetModelInstanceName(joints[0].model_instance()),
         path=file,
@@ -331,7 +322,7 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
         sdf=text,
         accepted=(*corrected, *in_words(coupling, names)),
     )
-    check_dynamics(robot.mass_matrix(plant.CreateDefaultContext()), names, file)
+    parsed.check_dynamics(robot.mass_matrix(plant.CreateDefaultContext()), names, file)
     return robot
 
 

@@ -16,25 +16,14 @@ from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.shown import Figure, Shown, Summary, higher, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_plan
+from sdt_drake.robot import dynamics
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
-from sdt_drake.robot.dynamics import (
-    InertiaRange,
-    Loads,
-    TorqueGroups,
-    decouple,
-    effective_inertia,
-)
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.motors import as_driven, chosen_robot
 from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.run import plant
 from sdt_drake.run.assumptions import Assumptions
-from sdt_drake.run.plant import (
-    check_poles,
-    check_reference,
-    springs_along,
-    torques_along,
-)
 from sdt_drake.run.reference import Reference, drive_on_clock, reference_of
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.tuning import Feedforward, Tuning, tuning_of
@@ -135,25 +124,25 @@ class Design(Shown):
         return self.device.simulated if is_axis else self.nominal
 
     @property
-    def torques(self) -> TorqueGroups:
+    def torques(self) -> dynamics.TorqueGroups:
         """Inverse dynamics of the links of `loaded` along the tracked motion, joint side."""
-        return torques_along(self.loaded, self.reference.tracked)
+        return plant.torques_along(self.loaded, self.reference.tracked)
 
     @cached_property
-    def loads(self) -> Loads:
+    def loads(self) -> dynamics.Loads:
         """Loads of each motor by Algorithm 1 with the scenario's sign, motor side."""
         return self.loads_along(self.reference.tracked)
 
-    def loads_along(self, motion: Motion) -> Loads:
+    def loads_along(self, motion: Motion) -> dynamics.Loads:
         """Return the loads of each motor along any motion, as `loads` along the tracked one."""
-        torques = torques_along(self.loaded, motion)
+        torques = plant.torques_along(self.loaded, motion)
         ratio, algorithm = self.nominal.gear_ratio, self.scenario.algorithm
-        return decouple(torques.inertial, torques.coupled, ratio, algorithm)
+        return dynamics.decouple(torques.inertial, torques.coupled, ratio, algorithm)
 
     @cached_property
-    def inertia(self) -> InertiaRange:
+    def inertia(self) -> dynamics.InertiaRange:
         """Range of the effective inertia of `loaded` along the tracked motion, motor side."""
-        return InertiaRange.of(effective_inertia(self.loaded, self.torques.d_kk))
+        return dynamics.InertiaRange.of(dynamics.effective_inertia(self.loaded, self.torques.d_kk))
 
     @property
     def i_eff(self) -> Array:
@@ -164,7 +153,7 @@ class Design(Shown):
     @cached_property
     def springs(self) -> Springs | None:
         """Springs of the joints; None if all joints are rigid."""
-        return springs_along(self.scenario, self.nominal, self.reference.tracked)
+        return plant.springs_along(self.scenario, self.nominal, self.reference.tracked)
 
     @cached_property
     def friction(self) -> FrictionParameters | None:
@@ -210,9 +199,9 @@ class Design(Shown):
                 raise InputError(
                     "online, expected table, as a learned torque needs", place="inverse_dynamics"
                 )
-            check_reference(scenario, self.nominal, reference.tracked)
+            plant.check_reference(scenario, self.nominal, reference.tracked)
             slowest = self.i_eff if scenario.plant.kind == "axis" else self.inertia.minimum
-            check_poles(scenario, robot, self.tuning.gains, slowest, self.springs)
+            plant.check_poles(scenario, robot, self.tuning.gains, slowest, self.springs)
         return self
 
     def variant(self, scenario: Scenario) -> Design:
@@ -253,7 +242,7 @@ class Design(Shown):
         if own.along is not None:
             jump = own.along[0] - own.steady
         else:
-            links, nominal = torques_along(self.nominal, motion), self.nominal
+            links, nominal = plant.torques_along(self.nominal, motion), self.nominal
             motors = nominal.reflected_inertia * motion.vd[0]
             jump = (links.inertial[0] + links.reaction[0] + motors) / nominal.gear_ratio
         return replace(self, feedforward_override=Feedforward(tau_ff, tau_ff[0] - jump))

@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder, PassThrough, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from sdt_drake import systems
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
@@ -15,17 +16,6 @@ from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.robot.stops import Stops
 from sdt_drake.run.design import Design
-from sdt_drake.systems import (
-    arrival,
-    axis_process,
-    disturbance,
-    dynamic_saturation,
-    elastic_joints,
-    encoder,
-    joint_friction,
-    joint_stops,
-    torque_loop,
-)
 from sdt_drake.systems.elastic_joints import set_motor_state
 from sdt_drake.systems.encoder import set_measured
 from sdt_drake.systems.friction import set_sliding
@@ -57,7 +47,7 @@ def make_device(design: Design) -> Diagram:
     apart = np.zeros(n, dtype=bool) if springs is None else springs.elastic  # rotors
     if is_axis:
         i_eff = design.i_eff - np.where(apart, robot.motor_inertia, 0.0)
-        axes = add("axis_process", axis_process(i_eff=i_eff, gear_ratio=robot.gear_ratio))
+        axes = add("axis_process", systems.axis_process(i_eff=i_eff, gear_ratio=robot.gear_ratio))
         tau, load_torque = map(axes.GetInputPort, ("tau", "load_torque"))
         plant = PlantPorts(tau, load_torque, axes.get_output_port())
     else:
@@ -67,14 +57,14 @@ def make_device(design: Design) -> Diagram:
     if drive.is_ideal_torque:
         motors = add("torque_loop", PassThrough(n))
     else:
-        motors = add("torque_loop", torque_loop(
+        motors = add("torque_loop", systems.torque_loop(
             motor_torque_limit=robot.motor_torque_limit,
             bandwidth=drive.torque_bandwidth,
             error=drive.torque_error,
         ))  # fmt: skip
     builder.ExportInput(motors.get_input_port(), "tau_limited")
     if springs is not None:
-        joints = add("elastic_joints", elastic_joints(
+        joints = add("elastic_joints", systems.elastic_joints(
             springs=springs,
             rotor_inertia=robot.motor_inertia,
             gear_ratio=robot.gear_ratio,
@@ -91,11 +81,11 @@ def make_device(design: Design) -> Diagram:
 
     loads: list[System] = []
     if design.friction is not None:
-        friction = joint_friction(friction=design.friction, gear_ratio=robot.gear_ratio)
+        friction = systems.joint_friction(friction=design.friction, gear_ratio=robot.gear_ratio)
         loads.append(add("friction", friction))
         connect(plant.state, friction.get_input_port())
     if not (stops := design.scenario.plant.stops).is_none:
-        pushing = joint_stops(
+        pushing = systems.joint_stops(
             stops=stops,
             lower=robot.position_lower,
             upper=robot.position_upper,
@@ -108,7 +98,7 @@ def make_device(design: Design) -> Diagram:
         builder.ExportInput(reference.get_input_port(), "load_torque")
         loads += [reference] * is_axis
         if (error := design.scenario.disturbance).amplitude > 0:
-            injected = disturbance(n=n, amplitude=error.amplitude, omega_d=error.omega_d)
+            injected = systems.disturbance(n=n, amplitude=error.amplitude, omega_d=error.omega_d)
             loads.append(add("disturbance", injected))
             connect(reference.get_output_port(), injected.get_input_port())
     if loads:
@@ -134,7 +124,7 @@ def make_saturation(design: Design) -> Diagram:
     """Make the torque limits of the motors, without limits if a design assumes so."""
     robot, limited = design.device.simulated, design.assumptions.limited
     envelope = design.envelope if limited else None
-    return dynamic_saturation(
+    return systems.dynamic_saturation(
         motor_torque_limit=(1.0 if limited else NO_LIMIT) * robot.motor_torque_limit,
         gear_ratio=robot.gear_ratio,
         n1=None if envelope is None else envelope.n1,
@@ -178,7 +168,7 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
         return ideal
 
     def sampled(period: float, offset: float = 0.0) -> Diagram:
-        return encoder(
+        return systems.encoder(
             n=n,
             period=period,
             resolution=drive.encoder_resolution,
@@ -191,7 +181,7 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
     builder.ExportOutput(drives.get_output_port(), "measured")
     if at_reference:
         period = design.reference.held.period
-        samples = builder.AddNamedSystem("samples", sampled(period, arrival(delay, period)))
+        samples = builder.AddNamedSystem("samples", sampled(period, systems.arrival(delay, period)))
         builder.ConnectInput("state", samples.get_input_port())
         builder.ExportOutput(samples.get_output_port(), "sampled_state")
     return build(builder, "encoder")

@@ -11,18 +11,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.motion import Motion
-from sdt_drake.robot.device import (
-    PRESLIDING_DAMPING_TIME,
-    Springs,
-    friction_parameters,
-    springs_of,
-)
-from sdt_drake.robot.dynamics import (
-    TorqueGroups,
-    gravity_stiffness,
-    torque_groups,
-    where_largest,
-)
+from sdt_drake.robot import device, dynamics
 from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
@@ -31,10 +20,12 @@ from sdt_drake.systems.gains import SpeedGains
 _BLOCK = 10_000
 """Samples between reports of progress."""
 
-_along: WeakKeyDictionary[Motion, WeakKeyDictionary[Robot, TorqueGroups]] = WeakKeyDictionary()
+_along: WeakKeyDictionary[Motion, WeakKeyDictionary[Robot, dynamics.TorqueGroups]] = (
+    WeakKeyDictionary()
+)
 
 
-def torques_along(robot: Robot, motion: Motion) -> TorqueGroups:
+def torques_along(robot: Robot, motion: Motion) -> dynamics.TorqueGroups:
     """Return the inverse dynamics of a robot's links along a motion, joint side.
 
     The result is cached as long as robot and motion exist.
@@ -43,9 +34,11 @@ def torques_along(robot: Robot, motion: Motion) -> TorqueGroups:
     if robot not in known:
         rows = np.arange(len(motion.q))
         blocks = with_progress(np.array_split(rows, len(rows) // _BLOCK + 1))
-        parts = (torque_groups(robot, motion.q[i], motion.v[i], motion.vd[i]) for i in blocks)
+        parts = (
+            dynamics.torque_groups(robot, motion.q[i], motion.v[i], motion.vd[i]) for i in blocks
+        )
         by_group = zip(*(vars(part).values() for part in parts), strict=True)
-        known[robot] = TorqueGroups(*map(np.concatenate, by_group))
+        known[robot] = dynamics.TorqueGroups(*map(np.concatenate, by_group))
     return known[robot]
 
 
@@ -54,7 +47,7 @@ def steady(motion: Motion) -> Motion:
     return Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
 
 
-def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs | None:
+def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> device.Springs | None:
     """Return the springs of the joints; None if all joints are rigid.
 
     A spring has the stated frequency where the inertia of its link is largest along the motion.
@@ -75,8 +68,8 @@ def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs |
     if i_eff is not None:
         links = robot.gear_ratio**2 * (np.array(i_eff) - robot.motor_inertia)
     if scenario.plant.kind == "coupled":
-        at = motion.q[where_largest(d_kk)]  # a row for each joint
-        k_g = np.array([gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
+        at = motion.q[dynamics.where_largest(d_kk)]  # a row for each joint
+        k_g = np.array([dynamics.gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
     elastic = np.array(elasticity.natural_frequency) > 0
     shared = np.argwhere((robot.shared_inertia != 0) & elastic[:, None] & ~elastic)
     if len(shared) and scenario.plant.kind == "coupled":
@@ -94,7 +87,7 @@ def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs |
                 "elastic joint needs both > 0",
                 place="plant.elasticity",
             )
-    return springs_of(elasticity, links, k_g)
+    return device.springs_of(elasticity, links, k_g)
 
 
 # --- poles -----------------------------------------------------------------------------------
@@ -104,7 +97,11 @@ MAX_POLE = 1000.0
 
 
 def check_poles(
-    scenario: Scenario, robot: Robot, gains: SpeedGains, i_eff: Array, springs: Springs | None
+    scenario: Scenario,
+    robot: Robot,
+    gains: SpeedGains,
+    i_eff: Array,
+    springs: device.Springs | None,
 ) -> None:
     """Check that no pole of a loop exceeds MAX_POLE.
 
@@ -141,12 +138,12 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
     """Check the poles of friction and drive; i_eff is on the motor side [kg m²], shape (n,)."""
     inertia = robot.gear_ratio**2 * i_eff
     if not scenario.plant.friction.is_none:
-        friction = friction_parameters(scenario.plant.friction, robot.n)
+        friction = device.friction_parameters(scenario.plant.friction, robot.n)
         bristles = friction.coulomb / friction.presliding / inertia
         extra = friction.breakaway - friction.coulomb
         for name, poles in (
             ("coulomb over presliding", np.sqrt(bristles)),
-            ("coulomb over presliding", PRESLIDING_DAMPING_TIME * bristles),
+            ("coulomb over presliding", device.PRESLIDING_DAMPING_TIME * bristles),
             ("breakaway over stribeck_speed", 2 * extra / friction.stribeck_speed / inertia),
             ("viscous", friction.viscous / inertia),
         ):

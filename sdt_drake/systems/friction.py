@@ -5,20 +5,14 @@ from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import MatrixGain
 
 from sdt_drake.io.arguments import positives
-from sdt_drake.robot.device import (
-    OVERFLOW_RATE,
-    PRESLIDING_DAMPING_TIME,
-    FrictionParameters,
-    sliding_stretch,
-    speed_friction,
-)
+from sdt_drake.robot import device
 from sdt_drake.systems.symbolic import Symbols, symbolic_law
 from sdt_drake.systems.wiring import block_of, set_state
 
 _UNIT = 100.0  # z / z_c per unit of the state; z / z_c is in the hundreds when sliding
 
 
-def joint_friction(*, friction: FrictionParameters, gear_ratio: ArrayLike) -> Diagram:
+def joint_friction(*, friction: device.FrictionParameters, gear_ratio: ArrayLike) -> Diagram:
     """Make Coulomb, viscous and Stribeck friction that can hold a joint at rest.
 
     Bristles of length z carry the Coulomb friction like a spring up to z_c, and slip beyond it.
@@ -62,13 +56,13 @@ def joint_friction(*, friction: FrictionParameters, gear_ratio: ArrayLike) -> Di
     def rates(x: Symbols, state: Symbols) -> list[sym.Expression]:
         stretch = _UNIT * x
         overflow = stretch - [within(u) for u in stretch]
-        return list((state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT)
+        return list((state[n:] / z_c - device.OVERFLOW_RATE * overflow) / _UNIT)
 
     def law(x: Symbols, state: Symbols) -> list[sym.Expression]:
         v = state[n:]
-        damped = _UNIT * x + PRESLIDING_DAMPING_TIME / z_c * v
+        damped = _UNIT * x + device.PRESLIDING_DAMPING_TIME / z_c * v
         bristles = friction.coulomb * [within(u) for u in damped]
-        return list((bristles + speed_friction(friction, v)) / r)
+        return list((bristles + device.speed_friction(friction, v)) / r)
 
     return symbolic_law(
         inputs={"state": 2 * n},
@@ -81,8 +75,8 @@ def joint_friction(*, friction: FrictionParameters, gear_ratio: ArrayLike) -> Di
 
 
 def set_sliding(
-    block: System, context: Context, v: ArrayLike, *, friction: FrictionParameters
+    block: System, context: Context, v: ArrayLike, *, friction: device.FrictionParameters
 ) -> None:
     """Set bristles to steady sliding at v [rad/s], joint side; unloaded at v = 0."""
     if isinstance(block, Diagram) and block.HasSubsystemNamed("law"):
-        set_state(block, context, "law", sliding_stretch(friction, v) / _UNIT)
+        set_state(block, context, "law", device.sliding_stretch(friction, v) / _UNIT)
