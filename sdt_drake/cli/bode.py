@@ -1,7 +1,5 @@
 """The command `bode`."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -77,7 +75,7 @@ def run(
     common.deliver(out, show, lambda: sdt.plots.bode(title, response, names), write)
 
 
-def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:
+def _verdict(response: "FrequencyResponse", robot: "RobotModel") -> str:
     """Return whether the loops are stable, with the smallest margins and bandwidth."""
     import numpy as np
 

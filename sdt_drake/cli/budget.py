@@ -1,7 +1,5 @@
 """The command `budget`."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import sdt_drake as sdt
@@ -52,7 +50,7 @@ def run(
     echo("RMS of the speed error and of its parts [rad/s]; the largest values are in brackets.")
     echo("The parts add up to the whole at every instant, but their RMS and largest values do not.")
 
-    def size(error: Array) -> str:
+    def size(error: "Array") -> str:
         return f"{np.sqrt(np.mean(error**2)):.2g} ({np.abs(error).max():.2g})"
 
     print_table(

@@ -1,7 +1,5 @@
 """Parts that commands share: types of options, checks of output files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -177,8 +175,8 @@ def refuse_changes(changes: Changes, thing: str) -> None:
 
 
 def design_of(
-    path: str, changes: Changes = (), check: Callable[[RobotModel], None] | None = None
-) -> Design:
+    path: str, changes: Changes = (), check: "Callable[[RobotModel], None] | None" = None
+) -> "Design":
     """Load a scenario, apply --set, and resolve it to a design.
 
     Args:
@@ -281,7 +279,7 @@ def check_file(path: Path, suffixes: Sequence[str]) -> None:
 
 
 def deliver(
-    out: Path | None, show: bool, figure: Callable[[], Figure], write: Callable[[Path], object]
+    out: Path | None, show: bool, figure: "Callable[[], Figure]", write: Callable[[Path], object]
 ) -> None:
     """Write --out and open --show.
 

@@ -1,7 +1,5 @@
 """The command `compare`."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -74,7 +72,7 @@ def run(
     )
 
 
-def _ranking(compared: Comparison) -> str:
+def _ranking(compared: "Comparison") -> str:
     """Return the controllers with the smallest and the largest speed error."""
     errors = {c.label: float(c.tracking.max_abs_speed_error.max()) for c in compared}
     best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)

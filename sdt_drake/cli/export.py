@@ -1,9 +1,7 @@
 """The command `export`."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
@@ -11,9 +9,6 @@ from sdt_drake.cli.common import Given, Integer, Scenario, Target, number, one_o
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
-
-if TYPE_CHECKING:
-    pass
 
 
 def run(

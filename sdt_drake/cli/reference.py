@@ -1,7 +1,5 @@
 """The command `reference`."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from sdt_drake.cli.common import Out, check_file, check_folder
@@ -52,7 +50,7 @@ def run(topic: str | None = None, /, *, out: Out = None) -> None:
     echo(f"{out} written")
 
 
-def _print(chapter: Chapter) -> None:
+def _print(chapter: "Chapter") -> None:
     for k, sheet in enumerate(chapter.sheets):
         echo("\n" * (k > 0) + (sheet.title or chapter.title))
         for paragraph in sheet.text.split("\n\n"):

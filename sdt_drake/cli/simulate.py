@@ -1,7 +1,5 @@
 """The command `simulate`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -71,7 +69,7 @@ def run(
     common.deliver(out, show, lambda: sdt.plots.scope(title, recording, design, joint), write)
 
 
-def _verdict(tracking: Tracking, robot: RobotModel) -> str:
+def _verdict(tracking: "Tracking", robot: "RobotModel") -> str:
     """Return the largest errors with their joints, and the longest saturation."""
     import numpy as np
 

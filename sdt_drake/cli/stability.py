@@ -1,7 +1,5 @@
 """The command `stability`."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
@@ -63,7 +61,7 @@ def run(
     common.deliver(out, show, found.plot, found.results().write)
 
 
-def _source(design: Design, given: float | None) -> str:
+def _source(design: "Design", given: float | None) -> str:
     """Return where the natural frequency of the structure comes from."""
     if given is not None:
         return "--omega-r"
@@ -72,7 +70,7 @@ def _source(design: Design, given: float | None) -> str:
     return f"controller.omega_r{times}"
 
 
-def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
+def _print_sweep(sweep: "StabilitySweep", joint_names: tuple[str, ...]) -> None:
     import numpy as np
 
     shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
@@ -86,7 +84,7 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
     print_joints(joint_names, [*columns, ("unstable from", ".3f", first)])
 
 
-def _notes(design: Design, omega_r: float) -> list[str]:
+def _notes(design: "Design", omega_r: float) -> list[str]:
     """Return notes on the sweep: inertia, sampling, and what of the scenario is left out."""
     from sdt_drake.analysis.stability import own_ratio, stands_alone
     from sdt_drake.run.options import option_names

@@ -1,7 +1,5 @@
 """The command `study`."""
 
-from __future__ import annotations
-
 import shlex
 import time
 from pathlib import Path
@@ -65,7 +63,7 @@ def run(
     return 0 if table.status.isin(ANSWERS).any() else FAILED
 
 
-def study_summary(name: str, table: StudyTable) -> str:
+def study_summary(name: str, table: "StudyTable") -> str:
     """Return the number of runs with a result, and those without and their cause."""
     from sdt_drake.studies.summary import failures
     from sdt_drake.studies.table import ANSWERS
@@ -77,8 +75,8 @@ def study_summary(name: str, table: StudyTable) -> str:
 
 def run_into(
     folder: Path,
-    study: Study,
-    base: Scenario,
+    study: "Study",
+    base: "Scenario",
     workers: int | None,
     cluster: str | None,
     resume: bool,

@@ -79,7 +79,16 @@ def put(thing: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         for parent, _ in parents:
             owner[parent] = _opened(owner.get(parent), name)
             owner = owner[parent]
-        owner[last] = value if entry is None else _with_entry(owner.get(last), entry, value, name)
+        if entry is None:
+            owner[last] = value
+            continue
+        entries: Any = owner.get(last)
+        count = len(entries) if isinstance(entries, list | tuple) else 0
+        if entry >= count:
+            accepted = f"[1] to [{count}], or the whole list" if count else "the whole list"
+            text = f"the list has {count or 'no'} entries, expected {accepted}"
+            raise InputError(text, place=name)
+        owner[last] = [*entries[:entry], value, *entries[entry + 1 :]]
     return data
 
 
@@ -90,16 +99,6 @@ def _opened(thing: object, name: str) -> dict[str, Any]:
     if thing is None or isinstance(thing, dict):
         return dict(thing or {})
     raise InputError("expected the dotted name of a field, 'controller.kind'", place=name)
-
-
-def _with_entry(entries: Any, entry: int, value: Any, name: str) -> list[Any]:
-    """Return a list with another entry."""
-    count = len(entries) if isinstance(entries, list | tuple) else 0
-    if entry >= count:
-        accepted = f"[1] to [{count}], or the whole list" if count else "the whole list"
-        text = f"the list has {count or 'no'} entries, expected {accepted}"
-        raise InputError(text, place=name)
-    return [*entries[:entry], value, *entries[entry + 1 :]]
 
 
 # --- JSON Schemas ----------------------------------------------------------------------------

@@ -107,9 +107,15 @@ def read_numbers(
     """
     path = checked_input(Path(path), max_bytes)
     if path.suffix in BINARY:
-        return _binary(path)
+        columns = read_binary(path)
+        names = sorted(columns, key=lambda name: name != "time")  # MATLAB may change the order
+        if not names or len(columns[names[0]]) < 2:
+            raise InputError(f"{path}: fewer than two rows")
+        return Numbers(path, names, np.stack([columns[name] for name in names], axis=1), None)
     start = list(itertools.islice(_rows(path, style), min_rows))
-    head = _header(path, style) if style.header else None
+    head = None
+    if style.header:
+        _, head = next(itertools.islice(lines(path, style.encoding), style.skip, None), (0, ""))
     if len(start) < min_rows:
         raise InputError(f"{path}: fewer than {'two rows' if min_rows == 2 else 'a row'}")
     first = start[0][1] if head is None else head.strip().lstrip("#")
@@ -168,12 +174,6 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def _header(path: Path, style: Style) -> str:
-    """Return the line with the names; "" if there is none."""
-    _, line = next(itertools.islice(lines(path, style.encoding), style.skip, None), (0, ""))
-    return line
-
-
 def _rows(path: Path, style: Style) -> Iterator[tuple[int, str]]:
     """Yield number and text of each line of numbers, with decimal points."""
     every = itertools.islice(lines(path, style.encoding), style.skip + style.header, None)
@@ -228,14 +228,6 @@ def _ending(path: Path, style: Style, width: int, texts: Container[int | str]) -
 
 def _number_or_nan(cell: str) -> float:
     return float(cell) if cell.strip() else np.nan
-
-
-def _binary(path: Path) -> Numbers:
-    columns = read_binary(path)
-    ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB may change the order
-    if len(columns) == 0 or len(columns[ordered[0]]) < 2:
-        raise InputError(f"{path}: fewer than two rows")
-    return Numbers(path, ordered, np.stack([columns[name] for name in ordered], axis=1), None)
 
 
 def _unquoted(cell: str) -> str:

@@ -1,7 +1,5 @@
 """Tables of results as .csv or .json files, with units."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +19,7 @@ class Results:
 
     about: Mapping[str, object]
     """Values that apply to all rows, by name: texts, numbers, arrays, or mappings of them."""
-    columns: Mapping[str, ArrayLike]
+    columns: "Mapping[str, ArrayLike]"
     """Columns by name: texts or numbers of shape (N,), or numbers of shape (N, n). Files have
     name_k for column k."""
     units: Mapping[str, str] = field(default_factory=dict)

@@ -1,7 +1,5 @@
 """Short views of objects: one line, a printed table, or a table in a notebook."""
 
-from __future__ import annotations
-
 import math
 import pkgutil
 import re
@@ -122,7 +120,7 @@ def rounded(value: float, std: float) -> str:
 
 
 def of_joints(
-    title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
+    title: str, columns: "Mapping[str, tuple[str, Array]]", names: Sequence[str] = ()
 ) -> Summary:
     """Return a summary of columns (format, values) by header, with one value per joint."""
     table = [(header, *column) for header, column in columns.items()]

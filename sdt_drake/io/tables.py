@@ -9,7 +9,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.files import checked_suffix, replacing
 from sdt_drake.io.formats import BINARY, TABLES, check_binary, flat, write_binary
-from sdt_drake.io.numbers import Numbers, read_numbers
+from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.shown import DataFrame
 
 
@@ -75,7 +75,17 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     groups = _groups(path, names)
     numbers.check_finite([0, *(c for group in groups.values() for c in group)])
     time = numbers.data[:, 0]
-    _check_time(numbers, even=even)
+    steps = np.diff(time)
+    bad, expected = steps <= 0, "a growing time"
+    if even:
+        bad |= np.abs(steps - steps[0]) > 1e-6 * abs(steps[0])
+        expected = f"equal steps{f' of {steps[0]:g} s' if steps[0] > 0 else ' > 0'}"
+    if bad.any():
+        row = int(np.argmax(bad)) + 1
+        raise InputError(
+            f"{numbers.place(row)}: time goes from {time[row - 1]:g} to "
+            f"{time[row]:g} s, expected {expected}"
+        )
     return time, {name: numbers.data[:, columns] for name, columns in groups.items()}
 
 
@@ -123,22 +133,6 @@ def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) ->
                 f"{path}: {name}_{k + 1} is {columns[name][row, k]:g} {unit} at {time[row]:g} s, "
                 f"expected at most {limit:g} {unit}"
             )
-
-
-def _check_time(numbers: Numbers, *, even: bool) -> None:
-    time = numbers.data[:, 0]
-    steps = np.diff(time)
-    bad = steps <= 0
-    expected = "a growing time"
-    if even:
-        bad |= np.abs(steps - steps[0]) > 1e-6 * abs(steps[0])
-        expected = f"equal steps{f' of {steps[0]:g} s' if steps[0] > 0 else ' > 0'}"
-    if bad.any():
-        row = int(np.argmax(bad)) + 1
-        raise InputError(
-            f"{numbers.place(row)}: time goes from {time[row - 1]:g} to "
-            f"{time[row]:g} s, expected {expected}"
-        )
 
 
 def _groups(path: Path, header: list[str]) -> dict[str, list[int]]:

@@ -20,7 +20,6 @@ from sdt_drake.io.fields import (
     Problems,
     field,
 )
-from sdt_drake.robot.envelope import Envelope
 
 # --- drives ----------------------------------------------------------------------------------
 
@@ -56,14 +55,6 @@ class Drive(Input):
     reference_delay: NotNegative = field(0.0, unit="s")
     """Delay of the planned motion and of the feedforward computed from it. Drives with a `period`
     take both at their next sample. Position loops sample positions when they take them."""
-
-    @property
-    def own_envelope(self) -> Envelope | None:
-        """The torque-speed envelope of `n1` and `n0`; None without them."""
-        if self.n1 is None or self.n0 is None:
-            return None
-        n1, n0 = (np.array(speeds, dtype=float) for speeds in (self.n1, self.n0))
-        return Envelope(n1, n0, "drive.n1 and drive.n0")
 
     @property
     def is_ideal_torque(self) -> bool:

@@ -171,11 +171,6 @@ class DeviceChoice(Input):
     catalogue: Annotated[Text, FileOf("motors")] = DEFAULT_CATALOGUE
     """File of the motors, relative to the scenario's folder, or the name of a shipped file."""
 
-    @property
-    def changes_nothing(self) -> bool:
-        """True if the device equals the robot file."""
-        return not any(self.motors) and self.gear_ratio is None and self.structure_scale == 1
-
     def problems(self) -> Problems:
         if any(self.motors) and not self.fitted:
             yield (
@@ -213,7 +208,7 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
         return robot
     motors, fitted = _motors(choice, robot.n)  # report unknown motors even if unused
     envelope = _envelope(motors, fitted)
-    if choice.changes_nothing:
+    if not any(motors) and choice.gear_ratio is None and choice.structure_scale == 1:
         return robot if envelope is None else replace(robot, envelope=envelope)
     with within(place="device"):
         other = edited(robot, lambda root: _fit(root, robot, choice, motors))
@@ -226,12 +221,11 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
 
 def as_driven(robot: Robot, drive: Drive) -> Robot:
     """Return the robot with the envelope of its drive; without one, that of its motors."""
-    own, motors = drive.own_envelope, robot.envelope
-    if own is None:
+    if drive.n1 is None or drive.n0 is None:
         return robot
-    if motors is not None:
-        own = replace(own, source=f"{own.source}, instead of {motors.source}")
-    return replace(robot, envelope=own)
+    n1, n0 = (np.array(speeds, dtype=float) for speeds in (drive.n1, drive.n0))
+    motors = "" if robot.envelope is None else f", instead of {robot.envelope.source}"
+    return replace(robot, envelope=Envelope(n1, n0, f"drive.n1 and drive.n0{motors}"))
 
 
 def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:

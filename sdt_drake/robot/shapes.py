@@ -95,7 +95,9 @@ def _wrong_names(mesh: Path, robot: Path) -> str:
     They may lead to the folder of the robot, to that of the mesh, and to their package.
     """
     homes = [robot.resolve().parent, mesh.parent]
-    homes += [package for home in tuple(homes) if (package := _package(home))]
+    for home in tuple(homes):  # and the folder of its ROS package
+        above = (home, *home.parents)
+        homes += [place for place in above if (place / "package.xml").is_file()][:1]
     seen: set[tuple[Path, str]] = set()
     try:
         for folder, name in _names(mesh):
@@ -111,12 +113,6 @@ def _wrong_names(mesh: Path, robot: Path) -> str:
     except (ValueError, RecursionError):
         return "is not valid glTF"
     return ""
-
-
-def _package(folder: Path) -> Path | None:
-    """Return the folder of the ROS package that contains a folder."""
-    above = (folder, *folder.parents)
-    return next((place for place in above if (place / "package.xml").is_file()), None)
 
 
 def _stays(folder: Path, name: str, homes: list[Path]) -> bool:

@@ -4,21 +4,18 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
+from pydrake.systems.framework import Context, System
+
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.io.fields import EachJoint, FileOf, Input, Number, Positive, Problems, Text, field
 from sdt_drake.io.trust import trusted_code
+from sdt_drake.motion import Motion
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.systems.gains import STRUCTURES, FeedforwardKind
-
-if TYPE_CHECKING:
-    from pydrake.systems.framework import Context, System
-
-    from sdt_drake.io.arrays import Array
-    from sdt_drake.motion import Motion
-    from sdt_drake.run.design import Design
 
 LINKS, MOTORS = "links' masses and geometry", "motors' inertia"
 LARGEST_INERTIA = "largest inertia of each joint"
@@ -97,11 +94,11 @@ class ControllerOptions(Input):
         """Name of the controller in messages: its class."""
         return type(self).__name__
 
-    def feedback(self, design: "Design") -> "System":
-        """Make the feedback of a design, from signals of the loop to `tau_fb` or `tau_cmd`."""
+    def feedback(self, design: Any) -> System:
+        """Make the feedback of a `Design`, from signals of the loop to `tau_fb` or `tau_cmd`."""
         raise NotImplementedError
 
-    def linear(self, design: "Design", sample: int) -> "System":
+    def linear(self, design: Any, sample: int) -> System:
         """Make the feedback alone, around a sample of the motion, for linear analysis.
 
         Raises:
@@ -111,12 +108,7 @@ class ControllerOptions(Input):
         raise InputError(text)
 
     def start(
-        self,
-        system: "System",
-        context: "Context",
-        design: "Design",
-        tau: "Array",
-        start: "Motion | None",
+        self, system: System, context: Context, design: Any, tau: Array, start: Motion | None
     ) -> None:
         """Set the state of the feedback so that its output is a torque in steady motion.
 
@@ -128,7 +120,7 @@ class ControllerOptions(Input):
             start: a motion of one sample, without acceleration; None for the first of the motion.
         """
 
-    def in_words(self, design: "Design") -> str:
+    def in_words(self, design: Any) -> str:
         """Describe the feedback of a design in words."""
         return self.title
 

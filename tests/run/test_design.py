@@ -153,7 +153,7 @@ def test_torques_are_computed_once_per_robot_and_motion(designed, robot, monkeyp
         asked.extend([robot] * (len(q) > 1))  # not of a steady state
         return torque_groups(robot, q, v, vd)
 
-    monkeypatch.setattr(plant, "torque_groups", counted)
+    monkeypatch.setattr(plant.dynamics, "torque_groups", counted)
     gc.collect()
     kept = len(plant._along)
     motion = Motion.from_speeds(0.005, np.zeros(4), np.zeros((11, 4)))
