@@ -40,16 +40,18 @@ def joint_stops(
     ends = np.array([lower, upper], dtype=float)
     r = positives(gear_ratio, "gear_ratio", n)
 
+    none = sym.Expression(0)
+
     def within(u: sym.Expression) -> sym.Expression:
-        return sym.min(sym.max(u, sym.Expression(0)), sym.Expression(1))
+        return sym.min(sym.max(u, none), sym.Expression(1))
 
     def push(k: int, beyond: sym.Expression, w: sym.Expression) -> sym.Expression:
-        x = sym.max(beyond, sym.Expression(0))
-        spring = stiffness[k] * x * (1 - lost * within(-w / RELEASE_SPEED))
-        return sym.max(spring + damping[k] * w * within(x / FULLY_DAMPED), sym.Expression(0))
+        spring = stiffness[k] * beyond * (1 - lost * within(-w / RELEASE_SPEED))
+        pressed = sym.max(spring + damping[k] * w * within(beyond / FULLY_DAMPED), none)
+        return sym.if_then_else(beyond > 0, pressed, none)  # where both are 0, max has no slope
 
     def law(state: Symbols) -> list[sym.Expression]:
-        torque = [sym.Expression(0)] * n
+        torque = [none] * n
         for sign, stop in zip((-1, 1), ends, strict=True):
             for k in np.flatnonzero(np.isfinite(stop) & (stiffness > 0)).tolist():
                 beyond, w = sign * (state[k] - stop[k]), sign * state[n + k]
