@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command_line import snapshot
 
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
+from sdt_drake.paper import files
+from sdt_drake.paper.reproduction import Stopwatch
 
 GEAR = np.array([67.2, 1, 1, 1])  # published
 ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])  # published
@@ -178,3 +181,28 @@ def test_reference_torque_groups_add_up(reproduced, reproduction):
     motion = Motion.from_csv(path)
     np.testing.assert_array_equal(motion.q, reproduction.design.reference.tracked.q)
     np.testing.assert_allclose(np.degrees(motion.q[:, 2].min()), -9.9, atol=0.05)
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def test_reproduce_replaces_its_files_and_leaves_foreign_ones(
+    reproduced, reproduction, tmp_path, undrawn, monkeypatch
+):
+    """With Python alone: no program is found. The same numbers give the same bytes."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(files, "record_html", lambda robot, time, q, path, **_: path.write_text(""))
+    used = tmp_path / "used"
+    (used / "diagrams").mkdir(parents=True)
+    for name in ("notes.txt", "diagrams/mine.dot", "report.md"):
+        (used / name).write_text("old")
+    files.write_reproduction(reproduction, used, Stopwatch(lambda line: None))
+
+    after, fresh = snapshot(used), snapshot(reproduced)
+    assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
+    assert set(after) == set(fresh) == {"diagrams", *files.FILES}
+    for name in fresh:
+        if name.endswith((".csv", ".dot")):
+            assert after[name] == fresh[name], name
+    for link in re.findall(r"\]\(([^)#]+)\)", after["report.md"].decode()):
+        assert link.startswith("http") or (used / link).is_file(), link
