@@ -107,7 +107,7 @@ def test_init_files_of_an_own_robot_fit_it_and_run(good, desk, monkeypatch, name
         assert schema.read_text() == (models_dir() / schema).read_text()
 
 
-NAMES = ['it\'s "q" <x>', "a # c: ${x}", "[ü] - 50%20", "&a"]
+NAMES = ['it\'s "q" <x>', "a # c: ${x}", "[ü] & 50%20"]
 """Names with a meaning to YAML, XML, a shell, a template or a web address."""
 
 

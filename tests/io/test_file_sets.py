@@ -37,6 +37,17 @@ def test_unfinished_file_set_leaves_nothing(folder, there, error):
     assert command_line.snapshot(folder) == before
 
 
+def test_file_set_is_replaced_and_foreign_files_stay(folder):
+    (folder / "below").mkdir()
+    (folder / "below" / "mine").write_text("old")
+    with replacing_files(folder) as new:
+        write_text(new / "a.csv", "new")
+        write_text(new / "below/b.csv", "new")
+    expected = {"a.csv": b"new", "notes": b"old", "below": None}
+    expected |= {"below/b.csv": b"new", "below/mine": b"old"}
+    assert command_line.snapshot(folder) == expected
+
+
 def test_file_set_that_cannot_move_leaves_nothing(folder):
     before = command_line.snapshot(folder)
     refused = pytest.raises(InputError, match=r"a\.csv: is no \.csv file")

@@ -72,7 +72,10 @@ def test_a_payload_is_excited_gently(arm):
 
 BAD = [
     ("--payload hand", "no moving link 'hand', expected one of upper; lower"),
-    ("--margin 0.2", "joint 1 exceeds its torque limit even at rest, expected a stronger motor"),
+    (
+        "--margin 0.2 --duration 1",
+        "joint 1 exceeds its torque limit even at rest, expected a stronger motor",
+    ),
     ("--acceleration 8", "--acceleration: [8.0], expected a list of 2 finite numbers > 0"),
 ]
 
