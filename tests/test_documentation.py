@@ -21,6 +21,7 @@ TEXTS = {
     for path in [
         *(ROOT / name for name in ("README.md", "diagrams/README.md", "models/README.md")),
         *(ROOT / name for name in ("sdt_drake/README.md", "tests/benchmarks/README.md")),
+        *(ROOT / "tests" / name / "README.md" for name in ("helpers", "oracles")),
         *sorted((ROOT / ".github").rglob("*.md")),
     ]
 }
@@ -150,3 +151,14 @@ def test_docs_prints_addresses(capsys, tmp_path):
     (tmp_path / "index.html").touch()
     assert main(["docs", "--print", "--folder", str(tmp_path)]) == 0
     assert capsys.readouterr().out == f"{(tmp_path / 'index.html').as_uri()}\n"
+
+
+def test_tests_and_oracles_of_published_numbers_exist():
+    own = "\n".join(
+        path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py")
+    )
+    text = TEXTS["tests/oracles/README.md"]
+    named = set(re.findall(r"`(test_\w+)`", text))
+    assert len(named) > 50 and named <= set(re.findall(r"^def (test_\w+)\(", own, re.MULTILINE))
+    for path in (ROOT / "tests/oracles").glob("[a-z]*.py"):
+        assert f"`{path.stem}`" in text and "ndependent: " in path.read_text(encoding="utf-8")
