@@ -2,11 +2,15 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Flag, Given, Integer, Out, Scenario, number
 from sdt_drake.cli.printing import echo
+from sdt_drake.io.errors import InputError
+
+if TYPE_CHECKING:
+    from pydrake.systems.framework import Diagram
 
 
 def run(
@@ -16,6 +20,7 @@ def run(
     format: Literal["dot", "svg", "png", "pdf"] | None = None,
     depth: Annotated[Integer, number(gte=0, lte=100)] = 2,
     drake: Flag = False,
+    ports: Flag = False,
     out: Out = None,
     given: Given = Given(),
 ) -> None:
@@ -27,11 +32,17 @@ def run(
         format: format of the file (default: that of --out, or dot)
         depth: number of levels of diagrams to open
         drake: write Drake's own graph; other formats than dot then need Graphviz
+        ports: list the outputs of all blocks instead, which probes of a scenario may name
         out: file for the diagram (default: the scenario's name)
     """
     from sdt_drake.run.loop import make_loop
     from sdt_drake.show.block_diagrams import FORMATS, write_diagram
 
+    if ports:
+        if out is not None or format is not None:
+            raise InputError("--ports: prints a list, remove --out and --format")
+        _list_ports(make_loop(common.design_of(scenario, given.changes)).diagram)
+        return
     suffix = out.suffix.removeprefix(".") if out else ""
     format_ = format or (suffix if suffix in FORMATS else "dot")
     if out is not None:
@@ -42,3 +53,12 @@ def run(
     loop = make_loop(design).diagram
     write_diagram(loop, path, format_=format_, max_depth=depth, drake=drake)
     echo(f"{path} written")
+
+
+def _list_ports(loop: Diagram) -> None:
+    """Print path, unit and length of each output in a loop."""
+    from sdt_drake.run.probes import output_ports, unit_of
+
+    for path, port in output_ports(loop).items():
+        unit = f" [{unit}]" if (unit := unit_of(path)) else ""
+        echo(f"{path}{unit}, {port.size()}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sdt_drake.io.errors import InputError, needing, one_line
 
@@ -38,22 +38,43 @@ def check_binary(path: Path) -> None:
             import pyarrow.parquet  # noqa: F401
 
 
-def write_binary(path: Path, columns: Mapping[str, Array]) -> None:
+def write_binary(path: Path, columns: Mapping[str, Array], units: Mapping[str, str]) -> None:
     """Write a table as .mat or .parquet, in place.
 
     Args:
         path: the file.
-        columns: columns by name, shape (N,) or (N, n). Parquet has name_k for column k.
+        columns: columns by name, shape (N,) or (N, n). Parquet has name_k for column k, MATLAB a
+            structure for each part of a name with dots.
+        units: units of some columns by name, several for equal parts of n.
     """
     if path.suffix == ".mat":
         import scipy.io
 
-        scipy.io.savemat(path, dict(columns), oned_as="column")
+        whole = _structures({**columns, **{f"units.{x}": unit for x, unit in units.items()}})
+        scipy.io.savemat(path, whole, oned_as="column", long_field_names=True)
         return
     import pyarrow as pa
     import pyarrow.parquet
 
-    pyarrow.parquet.write_table(pa.table(flat(columns)), path)
+    table = pa.table(flat(columns))
+    for name, parts in ((name, unit.split(", ")) for name, unit in units.items()):
+        n = columns[name].shape[1]
+        for k in range(n):
+            at = table.schema.get_field_index(f"{name}_{k + 1}")
+            unit = {"unit": parts[k * len(parts) // n]}
+            table = table.set_column(at, table.field(at).with_metadata(unit), table.column(at))
+    pyarrow.parquet.write_table(table, path)
+
+
+def _structures(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by names with dots as nested mappings."""
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        inner, (*parts, last) = result, name.split(".")
+        for part in parts:
+            inner = inner.setdefault(part, {})
+        inner[last] = value
+    return result
 
 
 def flat(columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,7 +15,12 @@ from sdt_drake.io.shown import DataFrame
 
 
 def write_table(
-    path: str | Path, time: Array, columns: Mapping[str, Array], *, first: str = "time"
+    path: str | Path,
+    time: Array,
+    columns: Mapping[str, Array],
+    *,
+    first: str = "time",
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write a table exactly (17 digits), as .csv, .mat or .parquet.
 
@@ -23,6 +29,7 @@ def write_table(
         time: values of the first column [s], shape (N,).
         columns: columns by name, each of shape (N, n).
         first: name of the first column.
+        units: units of columns by name, several for equal parts of n; .csv files have none.
 
     Raises:
         InputError: another suffix, a file that cannot be written, or a missing package.
@@ -31,7 +38,7 @@ def write_table(
     if path.suffix in BINARY:
         check_binary(path)
         with replacing(path) as partial:
-            write_binary(partial, whole)
+            write_binary(partial, whole, units)
         return
     own = flat(whole)
     rows = np.stack(list(own.values()), axis=1).tolist()

@@ -17,7 +17,8 @@ def make_feedforward(design: Design, *, adds: bool, feeds: tuple[str, ...]) -> S
     """Make the torques of the reference, and the sum tau_cmd = tau_fb + tau_ff (Figures 3 and 6).
 
     Input `tau_fb`, the feedback torque; `reference` too, if the inverse dynamics is online. Outputs
-    `tau_cmd`, and those of `load_torque` and `alleviating_torque` (Algorithm 1) that are asked for.
+    `tau_cmd`, `tau_ff` if it is added, and those of `load_torque` and `alleviating_torque`
+    (Algorithm 1) that are asked for.
     All torques are motor side [N m].
 
     The paper's tau_ff is the load torque tau_LD, which leaves the joint's own acceleration
@@ -62,6 +63,7 @@ def make_feedforward(design: Design, *, adds: bool, feeds: tuple[str, ...]) -> S
             tau_ff = add("feedforward_table", table).get_output_port()
     if tau_ff is not None:
         builder.Connect(tau_ff, total.get_input_port(1))
+        builder.ExportOutput(tau_ff, "tau_ff")
     online = [block for block in builder.GetSystems() if isinstance(block, ReferenceTorque)]
     for block in online[:1]:
         builder.ExportInput(block.get_input_port(), "reference")

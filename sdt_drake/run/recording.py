@@ -1,6 +1,7 @@
 """The recording of a run: its signals at the interpolation period."""
 
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from sdt_drake.io.fields import field
 from sdt_drake.io.shown import DataFrame, Figure, Shown, Summary, higher, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
 from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.probes import unit_of
 from sdt_drake.run.scenario import Scenario
 
 # Columns of a recording's file, in this order.
@@ -23,8 +25,12 @@ RECORDED_COLUMNS = (
 )  # fmt: skip
 
 
+_PROBES = "probes."
+
 Column = Annotated[Array, SkipValidation, WithJsonSchema({"type": "number"})]
 """Numbers of a recording: the type that the reference of its columns shows."""
+Columns = Annotated[Mapping[str, Array], SkipValidation, WithJsonSchema({"type": "number"})]
+"""Several of them by name."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,6 +90,9 @@ class Recording(Shown):
     """Position that the encoders measure, on motors or links of elastic joints; not in files."""
     v_measured: Column | None = field(None, unit="rad/s", side="joint")
     """Speed that the encoders measure; not in files."""
+    probes: Columns = field(dict, unit="as the output")
+    """Outputs of blocks by the names of the probes, shape (N + 1, size). Rows are those just before
+    the update at `time`, the first one just after it. None by default."""
 
     @property
     def speed_error(self) -> Array:
@@ -121,7 +130,7 @@ class Recording(Shown):
         return higher("show.figures.scope:scope")(title, self, design, joint)
 
     def to_pandas(self) -> DataFrame:
-        """Return a data frame with RECORDED_COLUMNS of each joint; its index is the time [s].
+        """Return a data frame with the columns of `save`; its index is the time [s].
 
         Raises:
             InputError: if pandas is not installed.
@@ -130,21 +139,26 @@ class Recording(Shown):
 
     @property
     def _columns(self) -> dict[str, Array]:
-        return {name: getattr(self, name) for name in RECORDED_COLUMNS}
+        columns = {name: getattr(self, name) for name in RECORDED_COLUMNS}
+        return columns | {f"{_PROBES}{name}": values for name, values in self.probes.items()}
 
     @takes(path=a_path)
     def save(self, path: str | Path) -> None:
         """Write time and RECORDED_COLUMNS of each joint, without loss, as .csv, .mat or .parquet.
 
+        Column k of a probe is "probes.NAME_k". The structure `units` in .mat files, and the
+        metadata "unit" of columns in .parquet files, have the units of probes that state one.
+
         Raises:
             InputError: if the file cannot be written, or needs a package that is not installed.
         """
-        write_table(path, self.time, self._columns)
+        units = {f"{_PROBES}{name}": unit_of(name) for name in self.probes}
+        write_table(path, self.time, self._columns, units={k: v for k, v in units.items() if v})
 
     @staticmethod
     @takes(path=a_path)
     def load(path: str | Path) -> "Recording":
-        """Read a file that `save` wrote; further columns are ignored.
+        """Read a file that `save` wrote, with its probes; further columns are ignored.
 
         Raises:
             InputError: naming file and line or column: missing columns, gaps in time, numbers that
@@ -152,12 +166,13 @@ class Recording(Shown):
         """
         time, columns = read_table(path)
         check_limits(path, time, columns)
-        names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
+        names = [x.name for x in fields(Recording) if x.name in RECORDED_COLUMNS]
         listed = ", ".join(f"{name}_k" for name in names)
         again = "an older one has to be simulated again"
         expected = f"a recording as `simulate` writes it ({again}): time and for joint k {listed}"
         check_columns(path, columns, names, expected)
-        return Recording(time=time, **{name: columns[name] for name in names})
+        probes = {x.removeprefix(_PROBES): columns[x] for x in columns if x.startswith(_PROBES)}
+        return Recording(time=time, probes=probes, **{name: columns[name] for name in names})
 
     def to_csv(self, path: str | Path) -> None:
         """Write a file by the old name of `save`."""

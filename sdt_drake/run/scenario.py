@@ -11,6 +11,7 @@ from sdt_drake.io.fields import (
     EachJoint,
     FileOf,
     Input,
+    Names,
     NotNegative,
     Number,
     Positive,
@@ -119,6 +120,9 @@ class Scenario(Input, Shown):
     """The controller of the plant."""
     disturbance: DisturbanceChoice = field(DisturbanceChoice)
     """Load torque that is missing in the model; none by default."""
+    probes: Names = field(())
+    """Outputs of blocks that `simulate` records, too: paths, or their ends, such as tau_fb or
+    device.friction.friction. `sdt-drake diagram SCENARIO --ports` lists them. None by default."""
 
     def complete(self) -> None:
         own, default = self.simulation, type(self).accuracy

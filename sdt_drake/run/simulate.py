@@ -2,7 +2,9 @@
 
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from traceback import extract_tb
+from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -19,6 +21,7 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.loop_checks import check_inputs
 from sdt_drake.run.motor_torque import arrived, period_torque
+from sdt_drake.run.probes import Sampler, chosen_ports
 from sdt_drake.run.recorded import recorded
 from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
@@ -89,6 +92,7 @@ def simulate(
     realtime_rate: float = 0.0,
     q: Array | None = None,
     v: Array | None = None,
+    probes: Sequence[str] = (),
 ) -> Recording:
     """Simulate a loop for the duration of its motion, from a steady start on the reference.
 
@@ -99,10 +103,13 @@ def simulate(
         realtime_rate: simulated time per real time, 1 to watch in a Meshcat; 0 for full speed.
         q: initial angles, joint side [rad], shape (n,); see `Loop.set_steady_state`.
         v: initial speeds, joint side [rad/s], shape (n,); see `Loop.set_steady_state`.
+        probes: outputs of blocks to record in `Recording.probes`, beside those of the scenario,
+            whose field `probes` describes them.
 
     Raises:
         InputError: if the diagram lacks the loop, an external reference or controller is not
-            connected, a command is not finite, or the integrator is stuck, with the time.
+            connected, a probe names no port, a command is not finite, or the integrator is stuck,
+            with the time.
 
     Examples:
         >>> import numpy as np
@@ -128,6 +135,7 @@ def simulate(
         simulation=design.scenario.simulation,
     )
     context, own = simulator.get_mutable_context(), _own_context(loop, simulator)
+    sampler = _sampler(loop, probes, simulator)
     with own_code(design, loop.owner):
         check_inputs(loop.diagram, own)
         loop.set_steady_state(own, q, v)
@@ -143,7 +151,21 @@ def simulate(
         signals = recorded(loop.diagram, loop.logs, own, loop.updates[-1])
         tau_cmd = signals["tau_cmd"]
         _check_command(loop, tau_cmd, loop.updates[-1] * np.arange(len(tau_cmd)))
-        return _recording(loop, signals)
+        return replace(_recording(loop, signals), probes=sampler.samples() if sampler else {})
+
+
+def _sampler(loop: Loop, probes: Sequence[str], simulator: Simulator) -> Sampler | None:
+    """Return the sampler of probes that now watches a simulator; None without probes."""
+    scenario = loop.design.scenario
+    names = scenario.probes
+    if probes != ():
+        names = (*names, *scenario.changed({"probes": probes}).probes)
+    if not names:
+        return None
+    ports = chosen_ports(loop.diagram, names)
+    period, root = loop.design.reference.held.period, simulator.get_mutable_context()
+    simulator.set_monitor(sampler := Sampler(ports, period, root))
+    return sampler
 
 
 def stuck(design: Design, context: Context, why: object) -> InputError:
@@ -242,7 +264,9 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
     q, v = np.hsplit(signals["state"], 2)
     q_seen, v_seen = np.hsplit(signals["measured"], 2)
     samples = (len(signals["tau"]) - 1) // (len(q) - 1)
-    torques = {name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")}
+    torques: dict[str, Any] = {
+        name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")
+    }
     return Recording(
         time=motion.time,
         q_ref=motion.q,
@@ -253,8 +277,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,
-        **torques,
-        **period_torque(loop, signals),
+        **(torques | period_torque(loop, signals)),
     )
 
 

@@ -115,6 +115,7 @@ def _recording() -> Chapter:
     rows = [
         ("time", *meaning["time"]),
         *((f"{name}_k", *meaning[name]) for name in RECORDED_COLUMNS),
+        ("probes.NAME_k", "", "Entry k of the output that a probe of the scenario names."),
     ]
     return Chapter("Recordings", [Sheet("", text, ("column", "unit", "meaning"), rows)])
 

@@ -9,9 +9,10 @@ vectors of length n unless the table gives another length:
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
     speed_reference      reference with the commanded speed of a position loop, length 3n
     state                [q, v] of the plant, joint side [rad, rad/s], length 2n
-    motor_state          [q, v] of the motors of elastic joints, joint side, length 2n
-    measured             [q, v] as measured by an encoder, joint side, length 2n
-    sampled_state        [q, v] sampled when the reference arrives, joint side, length 2n
+    motor_state          [q, v] of the motors of elastic joints, joint side [rad, rad/s], length 2n
+    measured             [q, v] as measured by an encoder, joint side [rad, rad/s], length 2n
+    sampled_state        [q, v] sampled when the reference arrives, joint side [rad, rad/s],
+                         length 2n
     load_torque          load of the motors, motor side [N m]; for the reference, tau_LD of
                          Algorithm 1
     alleviating_torque   tau_alleviate of Algorithm 1, motor side [N m]
@@ -28,6 +29,7 @@ vectors of length n unless the table gives another length:
     tau                  torque of the motors, motor side [N m]
     metered              integral of tau (`add_meter`) over 1e12 limits [s]
     tau_link             torque that an elastic joint transmits to its link, motor side [N m]
+    deflection           angle of the motor of an elastic joint ahead of its link, joint side [rad]
 """
 
 from sdt_drake.systems.axis_process import axis_process
@@ -54,3 +56,15 @@ from sdt_drake.systems.robot_plant import robot_plant
 from sdt_drake.systems.saturation import dynamic_saturation
 from sdt_drake.systems.symbolic import symbolic_law
 from sdt_drake.systems.torque_loop import torque_loop
+
+UNITS = {
+    "reference": "rad, rad/s, rad/s²",
+    "speed_reference": "rad, rad/s, rad/s²",
+    **dict.fromkeys(("state", "motor_state", "measured", "sampled_state"), "rad, rad/s"),
+    **dict.fromkeys(("load_torque", "alleviating_torque", "disturbance", "friction"), "N m"),
+    "stop_torque": "N m",
+    **dict.fromkeys(("tau_fb", "tau_ff", "tau_cmd", "tau_limited", "tau", "tau_link"), "N m"),
+    "inertia_share": "-",
+    "deflection": "rad",
+}
+"""Units of outputs by the name of the port; several for equal parts of a vector."""

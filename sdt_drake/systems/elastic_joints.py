@@ -23,9 +23,9 @@ def elastic_joints(
 
     Torques and I_m are motor side. theta and w of the motors, q and v of the links, k and c are
     joint side. The plant behind this block must be without the rotor inertia of elastic joints. At
-    rigid joints tau_link is tau, and the motor has the state of the link. With rotors that turn
-    with two joints, r² I_m is a matrix. State: theta and w of the elastic joints, of the nested
-    system "motors".
+    rigid joints tau_link is tau, and the motor has the state of the link. The deflection is
+    theta - q. With rotors that turn with two joints, r² I_m is a matrix. State: theta and w of the
+    elastic joints, of the nested system "motors".
 
     Args:
         springs: springs of n joints, at least one of them elastic.
@@ -38,7 +38,7 @@ def elastic_joints(
 
         name: elastic_joints
         input_ports: [tau, state]
-        output_ports: [tau_link, motor_state]
+        output_ports: [tau_link, motor_state, deflection]
     """
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
@@ -66,6 +66,8 @@ def elastic_joints(
     # A multiplexer without tau: Drake would otherwise treat motor_state as a function of tau.
     states = add("states", Multiplexer([2 * n, 2 * m]))
     motor_state = add("motor_state", MatrixGain(of_motors))
+    wound = np.hstack([-pick.T @ both[:m], pick.T, np.zeros((n, m))])  # theta - q
+    deflection = add("deflection", MatrixGain(wound))
 
     builder.ExportInput(inputs.get_input_port(0), "tau")
     builder.ExportInput(inputs.get_input_port(1), "state")
@@ -76,8 +78,10 @@ def elastic_joints(
     connect(motors.get_output_port(), states.get_input_port(1))
     connect(with_motors.get_output_port(), tau_link.get_input_port())
     connect(states.get_output_port(), motor_state.get_input_port())
+    connect(states.get_output_port(), deflection.get_input_port())
     builder.ExportOutput(tau_link.get_output_port(), "tau_link")
     builder.ExportOutput(motor_state.get_output_port(), "motor_state")
+    builder.ExportOutput(deflection.get_output_port(), "deflection")
     return build(builder, "elastic_joints")
 
 

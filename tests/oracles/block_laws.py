@@ -175,7 +175,11 @@ def elastic_joints(x, tau, state, *, springs):
     spring = (springs.stiffness * (theta - q) + springs.damping * (w - v)) / GEAR
     tau_link = np.where(elastic, spring, tau)
     wd = ((tau - tau_link) / alone.ROTORS / GEAR)[elastic]
-    outputs = {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}
+    outputs = {
+        "tau_link": tau_link,
+        "motor_state": np.concatenate([theta, w]),
+        "deflection": theta - q,
+    }
     return outputs, [*w[elastic], *wd]
 
 

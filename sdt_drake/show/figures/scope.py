@@ -10,9 +10,10 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
 from sdt_drake.run.motor_torque import arrived, motor_limits, torque_limits
+from sdt_drake.run.probes import unit_of
 from sdt_drake.run.recording import Recording
 from sdt_drake.show.panels import LIMIT, Line, Lines, Panel, over_time, picture
-from sdt_drake.show.style import LOOKS, PALETTE, Look, joint_title
+from sdt_drake.show.style import LOOKS, PALETTE, Look, joint_title, nth_look
 
 ACHIEVED = Look(PALETTE[1], "--")
 ERROR, MOTOR_TORQUE = Look(PALETTE[2]), Look(PALETTE[6])
@@ -85,6 +86,19 @@ def joint_panels(recording: Recording, design: Design) -> list[list[Panel]]:
     positions = over_time("position [deg]", recording.time, lines)
     others = joint_columns(recording, design)
     return [[first, *more] for first, more in zip(positions, others, strict=True)]
+
+
+def probe_panels(recording: Recording) -> dict[str, list[Panel]]:
+    """Make the panels of each probe, one for each unit, by the names of the probes."""
+    panels: dict[str, list[Panel]] = {}
+    for name, values in recording.probes.items():
+        units = unit_of(name).split(", ")
+        panels[name] = []
+        for unit, part in zip(units, np.hsplit(values, len(units)), strict=True):
+            label = f"{name} [{unit}]" if unit else name
+            lines = [Line(f"{k + 1}", nth_look(k), column) for k, column in enumerate(part.T)]
+            panels[name].append(Panel("", "time [s]", label, recording.time, lines))
+    return panels
 
 
 SATURATED = "saturated: less torque than commanded"

@@ -25,7 +25,7 @@ from sdt_drake.run.recording import Recording
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import Report, written
 from sdt_drake.show.figures.pilot import felt_panels
-from sdt_drake.show.figures.scope import joint_panels, torque_over_speed
+from sdt_drake.show.figures.scope import joint_panels, probe_panels, torque_over_speed
 from sdt_drake.show.panels import MAX_SAMPLES, Plots
 from sdt_drake.show.reports.run_answer import answer
 from sdt_drake.show.style import joint_title
@@ -80,6 +80,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         "shown": shown, "over_time": list(_over_time(run, joints, name)),
         "over_speed": _over_speed(design),
         f"{name}_torque.png": Plots([[torque_over_speed(recording, design, k)] for k in joints]),
+        "probes": list(_probes(recording, name)),
         "pilot": _pilot(run, story, name) if has_head(robot) else [],
         "recording": played(
             f"{name}_3d.html", "The run in 3D; drag to turn the view.", robot, recording.time,
@@ -200,6 +201,12 @@ def _over_time(run: Compared, joints: Sequence[int], name: str) -> Iterator[doc.
             caption += " On grey ground the motor gives less torque than commanded."
         yield doc.said("### {}", title)
         yield doc.Picture(f"{name}_joint_{k + 1}.png", caption, Plots([panels[k]]))
+
+
+def _probes(recording: Recording, name: str) -> Iterator[doc.Block]:
+    """Return a figure of each probe."""
+    for i, (probe, panels) in enumerate(probe_panels(recording).items()):
+        yield doc.Picture(f"{name}_probe_{i + 1}.png", f"The probe {probe}.", Plots([panels]))
 
 
 def _over_speed(design: Design) -> str:
