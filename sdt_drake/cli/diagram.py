@@ -2,15 +2,12 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Flag, Given, Integer, Out, Scenario, number
 from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError
-
-if TYPE_CHECKING:
-    from pydrake.systems.framework import Diagram
 
 
 def run(
@@ -36,12 +33,15 @@ def run(
         out: file for the diagram (default: the scenario's name)
     """
     from sdt_drake.run.loop import make_loop
+    from sdt_drake.run.probes import output_ports, unit_of
     from sdt_drake.show.block_diagrams import FORMATS, write_diagram
 
     if ports:
         if out is not None or format is not None:
             raise InputError("--ports: prints a list, remove --out and --format")
-        _list_ports(make_loop(common.design_of(scenario, given.changes)).diagram)
+        loop = make_loop(common.design_of(scenario, given.changes)).diagram
+        for path_, port in output_ports(loop).items():
+            echo(f"{path_}{f' [{unit}]' if (unit := unit_of(path_)) else ''}, {port.size()}")
         return
     suffix = out.suffix.removeprefix(".") if out else ""
     format_ = format or (suffix if suffix in FORMATS else "dot")
@@ -53,12 +53,3 @@ def run(
     loop = make_loop(design).diagram
     write_diagram(loop, path, format_=format_, max_depth=depth, drake=drake)
     echo(f"{path} written")
-
-
-def _list_ports(loop: Diagram) -> None:
-    """Print path, unit and length of each output in a loop."""
-    from sdt_drake.run.probes import output_ports, unit_of
-
-    for path, port in output_ports(loop).items():
-        unit = f" [{unit}]" if (unit := unit_of(path)) else ""
-        echo(f"{path}{unit}, {port.size()}")
