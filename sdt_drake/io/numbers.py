@@ -1,8 +1,10 @@
 """Rectangular tables of numbers from text files with any delimiter, and from binary files."""
 
+import contextlib
 import itertools
-from collections.abc import Callable, Container, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, time
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +17,13 @@ from sdt_drake.io.formats import BINARY, MAX_NUMBERS, read_binary
 MAX_BYTES = 1_000_000_000
 """Largest size of a table file: a recording of an hour."""
 
-_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+_SEPARATORS = {"|": "pipes", ",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
 
-Converters = dict[int | str, Callable[[str], float]]
-"""Functions that read the cells of a column which contains texts or empty cells."""
+DAY = 86400.0
+"""Duration of a day [s]. Times of day are read as numbers below it, dates as larger ones."""
+
+_DATES = ("%d.%m.%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S")
+"""Forms of dates that loggers write beside ISO 8601, without fractions of seconds."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,10 @@ class Numbers:
     """The format of a text file; None for a binary file."""
     cut: str = ""
     """The last line, if it is incomplete and was ignored; otherwise ""."""
+    texts: Mapping[int, tuple[int, str]] = field(default_factory=dict)
+    """Row and text of the first cell of each column that is neither number nor date."""
+    dates: frozenset[int] = frozenset()
+    """Columns with dates or times of day, whose values are seconds."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -65,14 +74,19 @@ class Numbers:
         line = next(itertools.islice(_rows(self.path, self.style), int(row), None))[0]
         return f"{self.path}, line {line}"
 
-    def check_finite(self, columns: Iterable[int]) -> None:
-        """Check that columns have finite values only, none beyond MAX_NUMBER.
+    def check_finite(self, columns: Iterable[int], *, dates: bool = False) -> None:
+        """Check that columns have finite numbers only, none beyond MAX_NUMBER, or `dates`.
 
         Raises:
             InputError: another value; the message has its line and column.
         """
         for column in columns:
             bad = np.flatnonzero(~(np.abs(self.data[:, column]) <= MAX_NUMBER))
+            if column in self.dates and not dates:
+                raise InputError(f"{self.path}: {self.names[column]} has dates, expected numbers")
+            row, text = self.texts.get(column, (-1, ""))
+            if len(bad) and row == bad[0]:
+                raise InputError(f"{self.place(row)}: {_no_number(text, ' or decimal: comma')}")
             if len(bad):
                 value = float(self.data[bad[0], column])
                 raise InputError(
@@ -96,8 +110,8 @@ def read_numbers(
         path: the file.
         style: format of a text file.
         min_rows: smallest number of rows.
-        logged: accept files of data loggers. Texts and empty cells are read as NaN, and an
-            incomplete last line is ignored.
+        logged: accept files of data loggers. Texts and empty cells are read as NaN, dates as
+            seconds, and an incomplete last line is ignored.
         max_numbers: largest count of numbers.
         max_bytes: largest size of the file.
 
@@ -120,24 +134,20 @@ def read_numbers(
         raise InputError(f"{path}: fewer than {'two rows' if min_rows == 2 else 'a row'}")
     first = start[0][1] if head is None else head.strip().lstrip("#")
     names = [_unquoted(name) for name in first.split(style.delimiter)]
-    if len(names) == 1:
-        _check_delimiter(path, first, style)
     cells = start[0][1].split(style.delimiter)
+    if len(names) == 1 or len(cells) == 1:
+        _check_delimiter(path, start[0][1] if len(cells) == 1 else first, style, logged=logged)
     if logged and len(cells) == len(names) + 1 and not cells[-1].strip():
         names.append("")  # each row ends with a delimiter
-    texts: Converters = {
-        k: lambda _: np.nan for k, cell in enumerate(cells) if logged and _is_text(cell)
-    }
-    data, cut = _loaded(path, style, len(names), texts, max_numbers), ""
+    data, odd = _loaded(path, style, len(names), max_numbers), _Odd()
     if data is None and logged:
-        cut, count = _ending(path, style, len(names), texts)
-        gaps: Converters = dict.fromkeys(range(len(names)), _number_or_nan)
-        data = _loaded(path, style, len(names), gaps | texts, max_numbers, count)
+        odd = _odd_cells(path, style, len(names))
+        data = _loaded(path, style, len(names), max_numbers, odd.columns, odd.rows)
     if data is None or len(data) < min_rows:
-        raise _bad_line(path, len(names), style, texts, logged)
+        raise _bad_line(path, len(names), style, logged=logged)
     if not style.header:
         names = [str(k + 1) for k in range(data.shape[1])]
-    return Numbers(path, names, data, style, cut)
+    return Numbers(path, names, data, style, odd.cut, odd.texts, frozenset(odd.dates))
 
 
 def lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
@@ -186,11 +196,13 @@ def _loaded(
     path: Path,
     style: Style,
     width: int,
-    converters: Converters,
     max_numbers: int,
+    odd: Iterable[int] = (),
     count: int | None = None,
 ) -> Array | None:
     """Read the first `count` rows, by default all; None if the file is no table of that width.
+
+    Columns in `odd` may hold dates, texts and empty cells.
 
     Raises:
         InputError: more than `max_numbers`.
@@ -204,7 +216,7 @@ def _loaded(
             ndmin=2,
             comments=None,
             quotechar='"',
-            converters=converters,
+            converters=dict.fromkeys(odd, _value),
         )
     except ValueError as error:
         if isinstance(error, InputError):  # another encoding
@@ -215,26 +227,89 @@ def _loaded(
     return data if data.shape[1] == width else None
 
 
-def _ending(path: Path, style: Style, width: int, texts: Container[int | str]) -> tuple[str, int]:
-    """Return an incomplete last line, "" if it is complete, and the number of complete rows."""
-    last, count = "", 0
-    for _, line in _rows(path, style):
-        last, count = line, count + 1
-    cells = last.rstrip("\r\n").split(style.delimiter)
+@dataclass
+class _Odd:
+    """The cells of a table that are no numbers."""
+
+    columns: set[int] = field(default_factory=set)
+    texts: dict[int, tuple[int, str]] = field(default_factory=dict)
+    dates: set[int] = field(default_factory=set)
+    rows: int | None = None
+    """Number of complete rows; None: all."""
+    cut: str = ""
+
+
+def _odd_cells(path: Path, style: Style, width: int) -> _Odd:
+    """Find empty cells, texts, dates, and an incomplete last line."""
+    odd, last = _Odd(), ""
+    cells: list[str] = []
+    row = -1
+    for row, (_, line) in enumerate(_rows(path, style)):
+        _note(odd, row - 1, cells)  # of the line before, since the last one may be cut
+        cells, last = line.rstrip("\r\n").split(style.delimiter), line.strip()
     ends = cells[-1]
-    is_whole = len(cells) >= width and (width - 1 in texts or not ends.strip() or is_number(ends))
-    return "" if is_whole else last.strip(), count - (not is_whole)
+    is_whole = len(cells) >= width and (
+        width - 1 in odd.texts or width - 1 in odd.dates or not ends.strip() or is_number(ends)
+    )
+    if is_whole:
+        _note(odd, row, cells)
+    else:
+        odd.rows, odd.cut = row, last
+    return odd
 
 
-def _number_or_nan(cell: str) -> float:
-    return float(cell) if cell.strip() else np.nan
+def _note(odd: _Odd, row: int, cells: Sequence[str]) -> None:
+    """Add the cells of a row that are no numbers."""
+    for k, cell in enumerate(cells):
+        if is_number(cell):
+            continue
+        odd.columns.add(k)
+        if np.isfinite(_value(cell)):
+            odd.dates.add(k)
+        elif cell.strip():
+            odd.texts.setdefault(k, (row, cell.strip()))
+
+
+def _value(cell: str) -> float:
+    """Return a number, the seconds of a date or a time of day, or NaN for other texts."""
+    text = _unquoted(cell)
+    if is_number(text):
+        return float(text)
+    try:
+        of_day = time.fromisoformat(text)
+        return _seconds(datetime.combine(_FIRST.date(), of_day)) if ":" in text else np.nan
+    except ValueError:
+        return _date(text)
+
+
+_FIRST = datetime(1970, 1, 1)
+
+
+def _seconds(date: datetime) -> float:
+    """Return the seconds since 1970, in the time zone of the date."""
+    return (date.replace(tzinfo=None) - _FIRST).total_seconds()
+
+
+def _date(text: str) -> float:
+    """Return the seconds of a date in ISO 8601 or in one of _DATES, or NaN."""
+    if not text[:1].isdecimal() or ":" not in text:
+        return np.nan
+    with contextlib.suppress(ValueError):
+        return _seconds(datetime.fromisoformat(text))
+    whole, mark, fraction = text.rpartition(".")
+    if not mark or ":" in fraction:  # a point of the date
+        whole, fraction = text, "0"
+    for form in _DATES:
+        with contextlib.suppress(ValueError):
+            return _seconds(datetime.strptime(whole, form)) + float(f"0.{fraction}")
+    return np.nan
 
 
 def _unquoted(cell: str) -> str:
     return cell.strip().strip('"').strip()
 
 
-def _check_delimiter(path: Path, line: str, style: Style) -> None:
+def _check_delimiter(path: Path, line: str, style: Style, *, logged: bool) -> None:
     """Check that a line has no other separator than the expected one."""
     expected = _SEPARATORS[style.delimiter or " "]
     for separator, name in _SEPARATORS.items():
@@ -242,17 +317,18 @@ def _check_delimiter(path: Path, line: str, style: Style) -> None:
             raise InputError(
                 f"{path}, line {next(lines(path, style.encoding))[0]}: {name} between the columns, "
                 f"expected {expected}, and points in the numbers"
+                + f"; or delimiter: {name[:-1]} in a mapping file (columns=...)"
+                * logged
             )
 
 
-def _is_text(cell: str) -> bool:
-    """Check whether a cell is text, and no misspelt number such as 1,5."""
-    return not is_number(cell) and any(map(str.isalpha, cell))
+def _no_number(cell: str, or_else: str = "") -> str:
+    """Return that a cell is no number, and what is expected."""
+    expected = f", expected points in the numbers{or_else}"
+    return f"'{cell.strip()}' is not a number{expected * is_number(cell.replace(',', '.'))}"
 
 
-def _bad_line(
-    path: Path, width: int, style: Style, texts: Container[int | str], logged: bool
-) -> InputError:
+def _bad_line(path: Path, width: int, style: Style, *, logged: bool) -> InputError:
     """Return the error of a file that is no rectangular table of numbers."""
     for number, line in _rows(path, style):
         fields = line.strip().split(style.delimiter)
@@ -260,10 +336,7 @@ def _bad_line(
             return InputError(
                 f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
             )
-        for column, cell in enumerate(fields):
-            if not (column in texts or is_number(cell) or (logged and not cell.strip())):
-                expected = ", expected points in the numbers" + " or decimal: comma" * logged
-                expected *= is_number(cell.replace(",", "."))
-                wrong = f"'{cell.strip()}' is not a number{expected}"
-                return InputError(f"{path}, line {number}: {wrong}")
+        for cell in fields:
+            if not logged and not is_number(cell):
+                return InputError(f"{path}, line {number}: {_no_number(cell)}")
     return InputError(f"{path}: not a table of numbers")

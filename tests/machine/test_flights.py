@@ -21,6 +21,8 @@ def mappings(draw) -> FlightColumns:
     rng = draw(GENERATORS)
     return FlightColumns(
         force=list("abc"), omega=list("def"), axes=draw(st.sampled_from(["flu", "frd"])),
+        force_factor=draw(st.floats(1e-3, 1e3)),
+        omega_factor=draw(st.floats(1e-3, 1e3)),
         force_unit=draw(st.sampled_from(list(FORCES))),
         omega_unit=draw(st.sampled_from(list(RATES))),
         force_direction=rng.choice([-1.0, 1.0], 3).tolist(),
@@ -37,8 +39,8 @@ def test_flight_is_the_same_in_any_units_axes_and_lever(tmp_path_factory, m, rng
     sensor = force + np.cross(alpha, m.lever) + np.cross(omega, np.cross(omega, m.lever))
     down = np.array([1, 1, 1] if m.axes == "flu" else [1, -1, -1])
     values = np.column_stack([
-        time + 7, sensor * down * m.force_direction / FORCES[m.force_unit],
-        omega * down * m.omega_direction / RATES[m.omega_unit],
+        time + 7, sensor * down * m.force_direction / FORCES[m.force_unit] / m.force_factor,
+        omega * down * m.omega_direction / RATES[m.omega_unit] / m.omega_factor,
     ])  # fmt: skip
     path = tmp_path_factory.mktemp("f") / "flight.csv"
     rows = [",".join(map(repr, row)) for row in values.tolist()]

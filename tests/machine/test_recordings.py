@@ -1,5 +1,6 @@
 """Recordings in files of others, messages about bad ones, and one of a real robot."""
 
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from sdt_drake.robot.robot import load_robot
 
 N = 5
 HEADER = "time,q_1,q_2,q_3,q_4,tau_1,tau_2,tau_3,tau_4"
-MARKS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": "  "}
+MARKS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": "  ", "pipe": "|"}
 
 
 @pytest.fixture
@@ -94,7 +95,8 @@ BAD = [
     (renamed("tau_1", "v_2"), r"no column 'v_1' \(v\)"),
     (renamed("tau_1", "q_1"), r"2 columns 'q_1', expected one; .* number"),
     ({"row": (2, 0, 0.01)}, r"line 4: time goes from 0.01 to 0.01, expected a growing time"),
-    ({"delimiter": ";"}, r"line 2: 1 value\(s\), expected 9"),
+    ({"delimiter": ";"}, r"line 1: semicolons between .*; or delimiter: semicolon in a mapping"),
+    ({"delimiter": "|"}, r"line 1: pipes between .*; or delimiter: pipe in a mapping"),
     (mapped(q=["2", "3", "2", "5"]), r"q: 2 and 2 are the same column"),
     (mapped(q_ref=["wish_{k}"]), r"no column 'wish_1' \(q_ref\)"),
     ({"scale": 1e3}, r"time: 5 samples in 40 s, 0.1 Hz, .*milliseconds .* time_factor: 0.001 in"),
@@ -140,11 +142,43 @@ def test_text_columns_are_ignored(tmp_path, table, robot):
 
     recorded = logged(tmp_path, with_ends("INIT", "2", *['"RUN NING"'] * (N - 2)), robot)
     np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:], rtol=1e-14)
+    late = with_ends("1", *["RUN"] * (N - 1))
+    np.testing.assert_array_equal(logged(tmp_path, late, robot).signals["tau"], table[:, 5:])
+    used = Columns(v=("10", "3", "4", "5"))
     with pytest.raises(InputError, match="line 3: 'RUN' is not a number"):
-        logged(tmp_path, with_ends("1", *["RUN"] * (N - 1)), robot)
+        logged(tmp_path, late, robot, used)
     comma = [x.replace(".", "x").replace(",", ";").replace("x", ",") for x in [HEADER, *lines]]
     with pytest.raises(InputError, match=r"line 2: '.*,.*' is not a number, .*decimal: comma"):
         logged(tmp_path, comma, robot, Columns(delimiter="semicolon"))
+
+
+DATES = {
+    "ISO 8601": lambda x: x.isoformat(),
+    "a space": lambda x: x.isoformat(sep=" ", timespec="milliseconds") + "+01:00",
+    "points": lambda x: x.strftime("%d.%m.%Y %H:%M:%S.%f"),
+    "slashes": lambda x: x.strftime("%m/%d/%Y %H:%M:%S.%f"),
+    "time of day": lambda x: x.time().isoformat(),
+}
+
+
+@pytest.mark.parametrize("form", DATES)
+def test_time_may_be_a_date_or_a_time_of_day_over_midnight(tmp_path, table, robot, form):
+    begin = datetime(2025, 3, 14, 23, 59, 59, 980_000)
+    dated = [DATES[form](begin + timedelta(seconds=x)) for x in table[:, 0]]
+    lines = write(tmp_path, table).read_text().splitlines()
+    rows = [HEADER, *(f"{x},{y.partition(',')[2]}" for x, y in zip(dated, lines[1:], strict=True))]
+    recorded = logged(tmp_path, rows, robot)
+    np.testing.assert_allclose(recorded.time, table[:, 0], atol=1e-6)
+    np.testing.assert_array_equal(recorded.signals["tau"], table[:, 5:])
+    with pytest.raises(
+        InputError, match=r"time_factor: 0\.001, expected 1, since time of .* dates"
+    ):
+        logged(tmp_path, rows, robot, Columns(time_factor=1e-3))
+    with pytest.raises(InputError, match="time has dates, expected numbers"):
+        logged(tmp_path, rows, robot, Columns(time="", rate=100, tau=("1", "7", "8", "9")))
+    rows[2] = rows[2].replace(dated[1], "soon")
+    with pytest.raises(InputError, match="line 3: time is 'soon', expected a number, a date or"):
+        logged(tmp_path, rows, robot)
 
 
 PROPOSED = [

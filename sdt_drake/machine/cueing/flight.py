@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from sdt_drake.io.arguments import finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Number, Problems, Values, field
+from sdt_drake.io.fields import Number, Positive, Problems, Values, field
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
@@ -50,6 +50,10 @@ class FlightColumns(Layout):
     """Unit of forces: "m/s2", "g" or "ft/s2"."""
     omega_unit: Literal["rad/s", "deg/s"] = "rad/s"
     """Unit of rates: "rad/s" or "deg/s"."""
+    force_factor: Positive = field(1.0, unit="-")
+    """Factor on forces before their unit counts: 0.001 with "g" for thousandths of g."""
+    omega_factor: Positive = field(1.0, unit="-")
+    """Factor on rates before their unit counts: such as 1/16.4 with "deg/s" for raw counts."""
     axes: Literal["flu", "frd"] = "flu"
     """Axes: "flu" (x forward, y left, z up) or "frd" (x forward, y right, z down)."""
     force_direction: Values[_Direction] = field((1.0,) * 3, unit="-", **_THREE)
@@ -192,7 +196,8 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
     axes = np.array(_AXES[columns.axes])
     force = _columns(numbers, columns.force, "force") * axes * columns.force_direction
     omega = _columns(numbers, columns.omega, "omega") * axes * columns.omega_direction
-    force, omega = force * _FORCES[columns.force_unit], omega * _RATES[columns.omega_unit]
+    force *= columns.force_factor * _FORCES[columns.force_unit]
+    omega *= columns.omega_factor * _RATES[columns.omega_unit]
     lever = np.array(columns.lever)
     if lever.any():
         alpha = np.gradient(omega, time, axis=0)

@@ -22,7 +22,7 @@ from sdt_drake.io.yaml_files import load_yaml
 Side = Literal["joint", "motor"]
 SIDES: tuple[Side, ...] = get_args(Side)
 DECIMALS = {"point": ".", "comma": ","}
-DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None, "pipe": "|"}
 ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
 TORQUES = ("tau", "tau_mean", "tau_ff")
 RECORDED_SIGNALS = (*ANGLES, *TORQUES)
@@ -34,8 +34,8 @@ torque, its mean over the sample period before, torque feedforward."""
 class Layout(Input):
     """The format of a file of columns, and the time of its rows."""
 
-    delimiter: Literal["comma", "semicolon", "tab", "space"] = "comma"
-    """Delimiter between columns: comma, semicolon, tab or space (any blanks)."""
+    delimiter: Literal["comma", "semicolon", "tab", "space", "pipe", ",", ";", "|"] = "comma"
+    """Delimiter between columns: comma, semicolon, tab, space (any blanks) or pipe; or itself."""
     header: bool = True
     """True if a line with column names comes first."""
     decimal: Literal["point", "comma"] = "point"
@@ -45,7 +45,8 @@ class Layout(Input):
     skip: int = field(0, ge=0, le=1000, unit="-")
     """Number of lines to skip before the header or the first row."""
     time: str = "time"
-    """Column of the time; "" if the file has none, then give `rate`."""
+    """Column of the time, in numbers, dates or times of day; "" if the file has none, then give
+    `rate`."""
     time_factor: Positive = field(1.0, unit="s")
     """Unit of the time column: 0.001 for milliseconds."""
     rate: Positive | None = field(None, unit="Hz")
@@ -54,11 +55,12 @@ class Layout(Input):
     @property
     def style(self) -> Style:
         """Format of the text."""
-        delimiter, decimal = DELIMITERS[self.delimiter], DECIMALS[self.decimal]
+        delimiter = DELIMITERS.get(self.delimiter, self.delimiter)
+        decimal = DECIMALS[self.decimal]
         return Style(delimiter, self.header, self.skip, decimal, self.encoding)
 
     def problems(self) -> Problems:
-        if self.decimal == self.delimiter == "comma":
+        if self.decimal == "comma" and self.delimiter in ("comma", ","):
             yield "decimal", "comma is the delimiter, too; expected point, or another delimiter"
         try:
             "".encode(self.encoding)

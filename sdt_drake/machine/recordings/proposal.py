@@ -104,7 +104,7 @@ def _head(path: Path, n: int) -> _Head | None:
     text, encoding = _decoded(start)
     lines = [line for line in text.splitlines() if line.strip()][:_LINES]
     style: dict[str, Any] = {"encoding": encoding} if encoding != "utf-8" else {}
-    for name in ("semicolon", "tab", "comma", "space"):
+    for name in ("pipe", "semicolon", "tab", "comma", "space"):
         table = [line.split(DELIMITERS[name]) for line in lines[:-1]]  # the last may be cut
         if not table or len(table[-1]) <= n:
             continue

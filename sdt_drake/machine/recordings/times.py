@@ -6,7 +6,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.numbers import Numbers
+from sdt_drake.io.numbers import DAY, Numbers, is_number
 from sdt_drake.machine.recordings.columns import Layout
 from sdt_drake.machine.recordings.places import missing, place_of
 from sdt_drake.machine.recordings.recorded import Recorded
@@ -42,8 +42,23 @@ def _times(numbers: Numbers, columns: Layout) -> Array:
     place = place_of(numbers, columns.time)
     if place is None:
         raise missing(numbers, columns.time, "time")
-    numbers.check_finite([place])
-    time = (numbers.data[:, place] - numbers.data[0, place]) * columns.time_factor
+    row, text = numbers.texts.get(place, (0, "0"))
+    if not is_number(text.replace(",", ".")):
+        raise InputError(
+            f"{numbers.place(row)}: {columns.time} is '{text}', expected a number, a date or a "
+            "time of day; or time: '' and rate: in Hz in a mapping file (columns=...)"
+        )
+    numbers.check_finite([place], dates=True)
+    time = numbers.data[:, place] - numbers.data[0, place]
+    if place not in numbers.dates:
+        time *= columns.time_factor
+    elif columns.time_factor != 1:
+        raise InputError(
+            f"time_factor: {columns.time_factor:g}, expected 1, since {columns.time} of "
+            f"{numbers.path} has dates or times of day"
+        )
+    elif numbers.data[:, place].max() < DAY:
+        time = np.unwrap(time, period=DAY)  # over midnight
     bad = np.flatnonzero(np.diff(time) <= 0)
     if len(bad):
         before, after = numbers.data[bad[0] : bad[0] + 2, place]
