@@ -34,8 +34,8 @@ NAMES, SCRIPTS = REDRAW["NAMES"], REDRAW["SCRIPTS"]
 FIGURES = REDRAW["figures"](ROWS)
 PERIOD = 0.005  # s
 TRIED = (
-    *("figure3", "coupled_loop", "controllers", "stability", "monte_carlo", "sizing"),
-    "training_post_roll",
+    *("figure3", "coupled_loop", "controllers", "stability", "identification"),
+    *("monte_carlo", "sizing", "training_post_roll"),
 )
 """A figure for each function that draws; one of the training motions stands for all."""
 
