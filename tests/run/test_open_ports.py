@@ -91,18 +91,6 @@ def test_run_starts_from_given_angles_and_speeds(designed, label, speed, encoder
     assert np.abs(run.tau[0, 1]) > 30  # joint 2 carries a load
 
 
-def test_errors_are_against_the_reference_from_outside(designed):
-    """A motion of half the speed, which the design does not know."""
-    design = designed("coupled_pi", kind("p_pi+id") | ONLINE, start=2.0, end=2.3)
-    motion = design.reference.planned
-    q = motion.q[:1] + 0.5 * (motion.q - motion.q[:1])
-    other = Motion(motion.period, q, 0.5 * motion.v, 0.5 * motion.vd)
-    run = simulate(*fed(design, other), v=other.v[0])
-    np.testing.assert_array_equal(run.v_ref, other.v)
-    np.testing.assert_allclose(run.position_error, run.q - other.q, atol=1e-12)
-    assert np.abs(run.position_error[-1]).max() < 0.1 * np.abs(run.q - motion.q)[-1].max()
-
-
 def test_outside_controller_equals_the_one_inside(designed):
     design = designed("coupled_pi", kind("pi") | DEVICE | {"drive": Drive()}, end=0.3)
     builder, loop = DiagramBuilder(), make_loop(design, controller="external")

@@ -135,37 +135,12 @@ def test_depth_is_the_number_of_levels_that_are_opened():
     assert [frame.title for frame in opened.frame.frames()] == ["step_loop", "pi_speed_controller"]
 
 
-@pytest.mark.parametrize("symbol", ["PI", lambda system: system.get_name()[:2].upper()])
-def test_diagram_with_a_symbol_is_never_opened(symbol):
-    blocks = blocks_of(walk(make_loop(), {"pi_speed_controller": symbol}, max_depth=9))
-    assert blocks["pi_speed_controller"].text == "PI" and "K_PS" not in blocks
-
-
 def test_one_block_has_no_frame_and_one_frame_in_a_frame_is_one():
     inside = make_chain(make_chain(Gain(1.0, 1), Integrator(1), name="inner"))
     one, two = (make_chain(inner, Gain(1.0, 1)) for inner in (make_chain(Integrator(1)), inside))
 
     assert [frame.path for frame in walk(one).frame.frames()] == [()]
     assert [frame.title for frame in walk(two).frame.frames()] == ["chain", "s0: s0"]
-
-
-def test_pass_throughs_are_wires_and_ports_of_the_diagram_have_names():
-    picture = walk(make_chain(PassThrough(1), Integrator(1)))
-
-    ends = {block.path[-1]: block.text for block in blocks_of(picture).values()}
-    assert ends == {"s1": "1/s", "speed (in)": "speed", "torque (out)": "torque"}
-    assert wires_of(picture) == Counter([("speed (in)", "s1"), ("s1", "torque (out)")])
-
-
-@pytest.mark.parametrize(
-    ("read", "drawn"),
-    [(["one"], {"source", "one", "one (out)"}), ([], {"source", "one", "other"})],
-)
-def test_what_a_log_alone_reads_is_not_drawn_unless_nothing_is_read(read, drawn):
-    gains = [(name, Gain(2.0, 1), f"x {name}") for name in ("one", "other")]
-    source = ("source", ConstantVectorSource([1.0]), "x")
-    diagram = wired(source, *gains, outputs=read, logged=["one", "other"])
-    assert set(blocks_of(walk(diagram))) == drawn
 
 
 # --- names -----------------------------------------------------------------------------------

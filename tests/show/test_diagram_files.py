@@ -22,7 +22,6 @@ from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.show.block_diagrams import (
     dot_text,
-    drake_dot_text,
     fingerprint,
     page_of,
     write_diagram,
@@ -157,21 +156,6 @@ def no_graphviz(tmp_path, monkeypatch):
 def test_pictures_are_drawn_without_any_other_program(tmp_path, no_graphviz, format_):
     path = write_diagram(make_small(), tmp_path / "new" / "loop", format_=format_)
     assert path.read_bytes().startswith(FIGURE[format_])
-
-
-def test_dot_files_have_the_text_of_the_diagram_or_of_drake(tmp_path):
-    diagram, path = make_small(), tmp_path / "new" / "loop.dot"
-    assert write_diagram(diagram, path) == path
-    assert path.read_text(encoding="utf-8") == dot_text(diagram)
-    write_diagram(diagram, str(path), max_depth=0, drake=True)
-    assert path.read_text(encoding="utf-8") == drake_dot_text(diagram, max_depth=0)
-
-
-def test_letters_of_users_names_are_drawn_as_they_are(tmp_path):
-    diagram = make_small()
-    diagram.GetSubsystemByName("no_load").set_name(r"a $x_{ <b> & \ 制")
-    path = write_diagram(diagram, tmp_path / "loop.svg", format_="svg")
-    assert "&lt;b&gt; &amp;" in path.read_text(encoding="utf-8")
 
 
 FAILING = "#!/bin/sh\necho 'bad\nluck' >&2\nexit 1\n"

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from helpers.motions import TIME, smooth
-from helpers.robots import ARM, URDF
+from helpers.robots import ARM
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -14,7 +14,6 @@ from pydrake.systems.framework import DiagramBuilder
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d.scene import METRES_PER_G, Scene, arrow_pose, felt_rotation, make_frames
-from sdt_drake.show.view3d.viewer import record_html
 
 
 def test_drawn_head_and_specific_force_equal_drakes(robot):
@@ -68,31 +67,15 @@ def test_force_arrow_has_direction_and_length_of_the_force(force):
 
 # --- what cannot be shown -----------------------------------------------------------------------
 
-BAD = [
-    (lambda t, q: (t[:2], q[:2]), "time: expected at least three samples that grow"),
-    (lambda t, q: (np.where(t == 1, np.nan, t), q), "time: expected at least three samples that g"),
-    (lambda t, q: (t * 1801, q), "lasts 3602 s, expected at most 3600 s to show"),
-    (lambda t, q: (t, q[:, :3]), "q: shape (401, 3), expected (401, 4) for robot 'sdt'"),
-    (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "q: contains a value that is not fin"),
-]
-
-
-@pytest.mark.parametrize("change, told", BAD, ids=[case[-1] for case in BAD])
-def test_what_is_no_motion_of_the_robot_is_refused(robot, tmp_path, change, told):
-    with pytest.raises(InputError, match="^" + re.escape(told)):
-        record_html(robot, *change(TIME, smooth(robot)[0]), tmp_path / "a.html")
-    assert not [*tmp_path.iterdir()]
-
 
 @pytest.fixture
 def draw(tmp_path, meshcat):
     """Draws the planar arm with a shape on its upper link."""
 
-    def drawn(shape, suffix="sdf"):
-        link, text = '<link name="upper">', {"sdf": ARM, "urdf": URDF}[suffix]
-        visual = f'<visual name="v"><geometry>{shape}</geometry></visual>' if shape else ""
-        path = tmp_path / f"arm.{suffix}"
-        path.write_text(text.replace(link, link + visual), "utf-8")
+    def drawn(shape):
+        visual = f'<link name="upper"><visual name="v"><geometry>{shape}</geometry></visual>'
+        path = tmp_path / "arm.sdf"
+        path.write_text(ARM.replace('<link name="upper">', visual), "utf-8")
         robot = load_robot(path)
         return Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), meshcat)
 
@@ -118,12 +101,6 @@ def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, draw, shape, message
 def test_meshes_that_cannot_be_drawn_are_left_out_and_named(draw, caplog):
     draw("<mesh><uri>none.obj</uri></mesh>")
     assert ["link 'upper': mesh none.obj is missing" in x.message for x in caplog.records] == [True]
-
-
-def test_only_shapes_of_moving_links_spare_a_robot_its_skeleton(draw):
-    plane = "<plane><normal>0 0 1</normal><size>1 1</size></plane>"
-    assert not draw(plane).has_shapes and draw("<box><size>1 1 1</size></box>").has_shapes
-    assert not draw("", "urdf").has_shapes
 
 
 # --- the device as it is drawn ------------------------------------------------------------------

@@ -152,22 +152,6 @@ def cells(page, table, texts):
     )
 
 
-def test_page_tells_angles_g_and_segments(page, robot):
-    frames = make_frames(robot, TIME, smooth(robot)[0])
-    for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
-        seek(page, frames.time[k])
-        angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
-        names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
-        cells(page, "#sdt-joints", [x for pair in zip(names, angles, strict=True) for x in pair])
-        assert page.inner_text("#sdt-time").startswith(f"{frames.time[k]:.1f} ")
-        g = frames.head.resultant_g[k]
-        assert page.inner_text("#sdt-g") == f"{g:.2f} G"
-        meter = page.evaluate("document.getElementById('sdt-meter').value")
-        assert meter == pytest.approx(g, abs=0.006)
-        cells(page, "#sdt-segments", ["roll", going[0], "yaw", going[1]])
-    assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
-
-
 def test_page_shows_felt_beside_true_attitude(page, robot):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     felt, head, true = frames.felt, frames.head, np.degrees(true_attitude(frames.head))
