@@ -152,13 +152,6 @@ def test_home_of_a_user_is_found_after_an_equals_sign(good, refuse, desk, monkey
     refuse("step", "--out=~nobody_of_that_name/o.png", saying=["~nobody_of_that_name/o.png: "])
 
 
-def test_folder_that_is_gone_is_one_line(call, desk, monkeypatch):
-    (desk / "gone").mkdir()
-    monkeypatch.chdir(desk / "gone")
-    (desk / "gone").rmdir()
-    refused(call("step"), "the current folder does not exist")
-
-
 def test_names_do_not_lead_out_of_the_folder(good, desk, given):
     """A scenario from somebody else must not choose where `diagram` writes."""
     good("diagram", given("evil.yaml", f"{SCENARIO}name: ../escaped\n"))
