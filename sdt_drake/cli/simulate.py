@@ -52,6 +52,11 @@ def run(
     print_joints(design.device.simulated.joint_names, columns_of(vars(tracking)))
     if design.envelope is not None:
         echo(f"torque-speed envelope from {design.envelope.source}")
+    if design.windings is not None:
+        from sdt_drake.analysis.heat import heat_of
+
+        found = heat_of(recording, design.windings)
+        echo(f"the motion {found.sentence(design.device.simulated, recording.time[-1])}")
     stiffness = design.scenario.plant.stops.stiffness
     for line in stops_passed(recording, design.device.simulated.joint_names, stiffness):
         echo(f"note: {line}")

@@ -17,6 +17,7 @@ from sdt_drake.io.fields import (
     Input,
     NonEmpty,
     NotNegative,
+    Number,
     Positive,
     Problems,
     Text,
@@ -59,7 +60,16 @@ class Motor(Input):
     gear_ratio: Positive = field(1.0, unit="-")
     """Motor speed over joint speed, unless the device chooses another ratio."""
     thermal_time_constant: Positive = field(unit="s")
-    """Thermal time constant of the winding (first order)."""
+    """Thermal time constant of the winding."""
+    winding_rise: Positive = field(105.0, unit="K")
+    """Temperature rise of the winding above its coolant at constant rated torque. Default: class F
+    of IEC 60034-1 (resistance method)."""
+    winding_limit: Number = field(155.0, le=300, unit="°C")
+    """Largest temperature of the winding. Default: class F of IEC 60085."""
+    housing_share: Number = field(0.0, ge=0, lt=1, unit="-")
+    """Share of that rise that the housing has, which warms up more slowly."""
+    housing_time_constant: Positive | None = field(None, unit="s")
+    """Thermal time constant of the housing; required with a `housing_share`."""
     brake: Brake | None = field(None)
     """Brake on the motor's shaft; none by default. Only emergency stops use it."""
     source: Text
@@ -87,6 +97,8 @@ class Motor(Input):
                 yield missing, "missing, expected n1_rpm and n0_rpm or neither"
         elif self.n0_rpm <= self.n1_rpm:
             yield "n0_rpm", f"{self.n0_rpm:g}, expected more than n1_rpm, {self.n1_rpm:g}"
+        if self.housing_share and self.housing_time_constant is None:
+            yield "housing_time_constant", "missing, required with a housing_share"
         if not self.takes_gear(self.gear_ratio):
             yield "gear_ratio", f"{self.gear_ratio:g}, but a torque motor drives directly: 1"
 

@@ -20,8 +20,9 @@ from sdt_drake.robot import dynamics
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
 from sdt_drake.robot.envelope import Envelope
-from sdt_drake.robot.motors import as_driven, chosen_robot
+from sdt_drake.robot.motors import as_driven, chosen_robot, motors_in_use
 from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.robot.windings import Windings, windings_of
 from sdt_drake.run import plant
 from sdt_drake.run.assumptions import Assumptions
 from sdt_drake.run.reference import Reference, drive_on_clock, reference_of
@@ -161,6 +162,19 @@ class Design(Shown):
         friction = self.scenario.plant.friction
         return None if friction.is_none else friction_parameters(friction, self.nominal.n)
 
+    @cached_property
+    def windings(self) -> Windings | None:
+        """Windings of the motors; None if their temperature is not computed."""
+        choice = self.scenario.plant.windings
+        if choice.coolant is None:
+            return None
+        try:
+            motors = motors_in_use(self.scenario.device, self.nominal.n)
+        except InputError as error:
+            text = f"{choice.coolant:g}, but {error}"
+            raise InputError(text, place="plant.windings.coolant") from None
+        return windings_of(motors, choice)
+
     @property
     def envelope(self) -> Envelope | None:
         """The torque-speed envelope in force, motor side; None without one."""
@@ -195,6 +209,7 @@ class Design(Shown):
         check_joints(scenario, _name(scenario), self.nominal.n)
         with within(_name(scenario)):
             robot, reference = self.device.simulated, self.reference
+            _ = self.windings  # each motor has to be in the catalogue
             if reference.torque is not None and scenario.inverse_dynamics != "table":
                 raise InputError(
                     "online, expected table, as a learned torque needs", place="inverse_dynamics"

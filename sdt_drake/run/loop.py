@@ -28,7 +28,8 @@ from sdt_drake.run.loop_checks import EXTERNAL, check_no_tables, chosen_controll
 from sdt_drake.run.plant import steady
 from sdt_drake.run.recorded import add_run_logs, feedthrough, update_times
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.systems import hold_of, reference_source, robot_drawing
+from sdt_drake.systems import hold_of, motor_windings, reference_source, robot_drawing
+from sdt_drake.systems.motor_windings import set_initial_temperature
 from sdt_drake.systems.reference import start_hold
 from sdt_drake.systems.wiring import build
 
@@ -106,6 +107,8 @@ class Loop:
         start_feedforward(*own("feedforward"))
         set_device(*own("device"), design, at)
         set_encoder(*own("encoder"), design, at)
+        if design.windings is not None:
+            set_initial_temperature(*own("windings"), windings=design.windings)
         start_controller(self.owner, *own("controller"), design, at.tau_cmd, start)
 
 
@@ -126,8 +129,8 @@ def make_loop(
 
     Input: `extra_load_torque`, a further load of the motors, motor side [N m]; 0 if it is not
     connected. Outputs: `reference`, `state`, `measured` (the signal that the encoders measure),
-    `tau_cmd` and `tau`, as `sdt_drake.systems` describes them. The loop logs the signals of a
-    `Recording`.
+    `tau_cmd` and `tau`, as `sdt_drake.systems` describes them; with `plant.windings` also
+    `winding_temperature`. The loop logs the signals of a `Recording`.
 
     With `reference="external"` the loop has no planned reference and no hold. Its input `reference`
     takes [q_ref, v_ref, vd_ref] of length 3 n, joint side [rad, rad/s, rad/s²]. The scenario's
@@ -236,8 +239,14 @@ def make_loop(
         "tau": device.GetOutputPort("tau"),
         "motor_state": device.GetOutputPort("motor_state"),
     }
+    exported = ["reference", "state", "measured", "tau_cmd", "tau"]
+    if design.windings is not None:
+        windings = add("windings", motor_windings(windings=design.windings))
+        connect(signals["tau"], windings.get_input_port())
+        signals["winding_temperature"] = windings.get_output_port()
+        exported.append("winding_temperature")
     logs = add_run_logs(builder, design, signals, is_planned=is_planned)
-    for name in ("reference", "state", "measured", "tau_cmd", "tau"):
+    for name in exported:
         builder.ExportOutput(signals[name], name)
     diagram = build(builder, f"{design.scenario.plant.kind}_loop")
     return Loop(design, diagram, owner, logs)

@@ -31,7 +31,8 @@ def add_run_logs(
         each_step["motor_state"] = signals["motor_state"]
     if not is_planned:
         each_step["reference"] = signals["reference"]
-    states = {name: signals[name] for name in ("state", "measured")}
+    kept = ("state", "measured", "winding_temperature")
+    states = {name: signals[name] for name in kept if name in signals}
     sampled = add_logs(builder, states, design.reference.held.period)
     return sampled | add_logs(builder, each_step, None)
 

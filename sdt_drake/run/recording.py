@@ -94,6 +94,9 @@ class Recording(Shown):
     """Outputs of blocks by the names of the probes, shape (N + 1, size). Rows are those just before
     the update at `time`, the first one just after it. None by default."""
 
+    winding_temperature: Column | None = field(None, unit="°C", side="motor")
+    """Temperature of the motors' windings; only with `plant.windings`."""
+
     @property
     def speed_error(self) -> Array:
         """Speed error v - v_ref, joint side [rad/s], shape (N + 1, n)."""
@@ -140,6 +143,8 @@ class Recording(Shown):
     @property
     def _columns(self) -> dict[str, Array]:
         columns = {name: getattr(self, name) for name in RECORDED_COLUMNS}
+        if self.winding_temperature is not None:
+            columns["winding_temperature"] = self.winding_temperature
         return columns | {f"{_PROBES}{name}": values for name, values in self.probes.items()}
 
     @takes(path=a_path)
@@ -171,6 +176,7 @@ class Recording(Shown):
         again = "an older one has to be simulated again"
         expected = f"a recording as `simulate` writes it ({again}): time and for joint k {listed}"
         check_columns(path, columns, names, expected)
+        names += ["winding_temperature"] * ("winding_temperature" in columns)
         probes = {x.removeprefix(_PROBES): columns[x] for x in columns if x.startswith(_PROBES)}
         return Recording(time=time, probes=probes, **{name: columns[name] for name in names})
 

@@ -30,6 +30,7 @@ from sdt_drake.robot.dynamics import Sign
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.robot.robot import DEFAULT_ROBOT
 from sdt_drake.robot.stops import Stops
+from sdt_drake.robot.windings import WindingChoice
 from sdt_drake.run.choice import OfKind, plain_pi
 from sdt_drake.run.options import ControllerOptions
 from sdt_drake.run.simulation import SimulationChoice
@@ -53,6 +54,8 @@ class PlantChoice(Input):
     """Elasticity of the joints; rigid by default."""
     stops: Stops = field(Stops)
     """Stops of the joints that push back; without them a run only says where it passes a stop."""
+    windings: WindingChoice = field(WindingChoice)
+    """Temperature of the motors' windings; not computed by default."""
     deviation: Deviation = field(Deviation)
     """Deviations of the simulated robot from the SDF. Planner and controller do not use them. None
     by default."""

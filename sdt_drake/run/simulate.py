@@ -277,6 +277,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,
+        winding_temperature=signals.get("winding_temperature"),
         **(torques | period_torque(loop, signals)),
     )
 

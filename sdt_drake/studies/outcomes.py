@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.heat import winding_temperature
 from sdt_drake.analysis.tracking import motor_use
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import margins
 from sdt_drake.pilot.head import has_head
-from sdt_drake.robot.motors import Motor, as_driven, motors_in_use
+from sdt_drake.robot.motors import as_driven, motors_in_use
+from sdt_drake.robot.windings import windings_of
 from sdt_drake.run.design import Design
 from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
@@ -98,60 +98,20 @@ def motor_loads(
         InputError: for a device with a motor that is not in the catalogue.
     """
     robot, motion = design.device.simulated, design.reference.tracked
-    motors = motors_in_use(design.scenario.device, robot.n)
-    mean_square = recording.tau_rms[1:] ** 2
-    rated = _each(motors, "rated_torque")
+    windings = windings_of(motors_in_use(design.scenario.device, robot.n))
+    mean_square, rated = recording.tau_rms[1:] ** 2, windings.rated_torque
     share = margins(as_driven(robot, design.scenario.drive), motion).share
     at_speed = share.get("torque at speed", share["torque"])
     by_joint = (
         motor_use(recording, robot).peak_share,
         np.sqrt(mean_square.mean(axis=0) * motion.duration / (motion.duration + pause)) / rated,
         winding_temperature(
-            mean_square / rated**2, _each(motors, "thermal_time_constant"), motion.period, pause
+            mean_square / rated**2, windings.time_constant, motion.period, pause, windings.share
         ),
         at_speed.max(axis=0),
     )
     return (*np.concatenate(by_joint).tolist(), motion.duration / commanded - 1)
 
 
-def winding_temperature(
-    heat: Array, time_constant: ArrayLike, period: float, pause: float = 0.0
-) -> Array:
-    """Return the highest winding temperature theta of an endlessly repeated cycle, shape (n,).
-
-    Copper losses grow with the torque squared. The winding is one thermal mass (assumed). So with
-    theta = 1 at constant rated torque
-
-        T d theta/dt + theta = (tau / tau_rated)²
-
-    Within a period the heat is constant and the solution exact. In the steady state a cycle of
-    length t_c + t_p ends at the temperature theta_0 at which it started. With the temperature f at
-    the end of a motion that starts cold:
-
-        theta_0 = f exp(-t_p / T) / (1 - exp(-(t_c + t_p) / T))
-
-    Args:
-        heat: mean of (tau / tau_rated)² over each period [-], shape (N, n).
-        time_constant: thermal time constants T [s], shape (n,).
-        period: period of `heat` [s].
-        pause: rest t_p at the end of the cycle, without torque [s].
-
-    >>> winding_temperature(np.ones((100, 1)), [1000.0], 0.1)  # rated torque without a pause
-    array([1.])
-    """
-    T = np.asarray(time_constant, dtype=float)
-    kept = np.exp(-period / T)
-    cold = np.zeros((len(heat) + 1, len(T)))
-    for i, added in enumerate((1 - kept) * heat):
-        cold[i + 1] = kept * cold[i] + added
-    time = period * np.arange(len(cold))[:, None]
-    start = cold[-1] * np.exp(-pause / T) / -np.expm1(-(time[-1] + pause) / T)
-    return (cold + start * np.exp(-time / T)).max(axis=0)
-
-
 def _of_joints(names: Sequence[str], n: int) -> list[str]:
     return [f"{name}_{k + 1}" for name in names for k in range(n)]
-
-
-def _each(motors: Sequence[Motor], name: str) -> Array:
-    return np.array([getattr(motor, name) for motor in motors])

@@ -101,7 +101,7 @@ class Sizing(Input):
     torque_margin: Number = field(1.0, gt=0, le=1, unit="-")
     """Share of the motors' torque that the planner may use."""
     pause: NotNegative = field(0.0, unit="s")
-    """Rest between two runs of a motion, in which the windings cool."""
+    """Rest between two runs of a motion, in which the windings cool; back to back by default."""
     requirements: Requirements
     """Requirements that every candidate must meet."""
     accuracy: Number = field(0.001, ge=1e-12, le=0.01, unit="rad/s")

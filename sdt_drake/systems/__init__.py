@@ -28,6 +28,7 @@ vectors of length n unless the table gives another length:
     tau_limited          commanded torque after saturation, motor side [N m]
     tau                  torque of the motors, motor side [N m]
     metered              integral of tau (`add_meter`) over 1e12 limits [s]
+    winding_temperature  temperature of the motors' windings [°C]
     tau_link             torque that an elastic joint transmits to its link, motor side [N m]
     deflection           angle of the motor of an elastic joint ahead of its link, joint side [rad]
 """
@@ -42,6 +43,7 @@ from sdt_drake.systems.inverse_dynamics import inverse_dynamics_controller
 from sdt_drake.systems.joint_stops import joint_stops
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.meter import add_meter, mean_torque
+from sdt_drake.systems.motor_windings import motor_windings
 from sdt_drake.systems.pi import pi_speed_controller
 from sdt_drake.systems.position_loop import position_loop
 from sdt_drake.systems.reference import (

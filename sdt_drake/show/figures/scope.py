@@ -145,3 +145,13 @@ def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
             Line("motor torque", MOTOR_TORQUE, torque[order], dots=True),
         ],
     )
+
+
+def warm_windings(recording: Recording, design: Design) -> list[Panel]:
+    """Make the panel of the temperatures of all windings over time."""
+    assert recording.winding_temperature is not None
+    lines = [
+        Line(joint_title(k, name), nth_look(k), recording.winding_temperature[:, k])
+        for k, name in enumerate(design.device.simulated.joint_names)
+    ]
+    return [Panel("windings", "time [s]", "temperature [°C]", recording.time, lines)]

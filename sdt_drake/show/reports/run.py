@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response, left_out
+from sdt_drake.analysis.heat import heat_of
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
@@ -25,7 +26,12 @@ from sdt_drake.run.recording import Recording
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import Report, written
 from sdt_drake.show.figures.pilot import felt_panels
-from sdt_drake.show.figures.scope import joint_panels, probe_panels, torque_over_speed
+from sdt_drake.show.figures.scope import (
+    joint_panels,
+    probe_panels,
+    torque_over_speed,
+    warm_windings,
+)
 from sdt_drake.show.panels import MAX_SAMPLES, Plots
 from sdt_drake.show.reports.run_answer import answer
 from sdt_drake.show.style import joint_title
@@ -81,6 +87,8 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         "over_speed": _over_speed(design),
         f"{name}_torque.png": Plots([[torque_over_speed(recording, design, k)] for k in joints]),
         "probes": list(_probes(recording, name)),
+        "windings": _windings(run),
+        f"{name}_windings.png": design.windings and Plots([warm_windings(recording, design)]),
         "pilot": _pilot(run, story, name) if has_head(robot) else [],
         "recording": played(
             f"{name}_3d.html", "The run in 3D; drag to turn the view.", robot, recording.time,
@@ -186,6 +194,22 @@ def _loops(design: Design, response: FrequencyResponse | str) -> list[doc.Block]
         response.cut, more,
     )  # fmt: skip
     return [_table(design, response.columns()), doc.Marked(note.rstrip())]
+
+
+def _windings(run: Compared) -> list[doc.Block]:
+    """Return whether the motion may be flown back to back, and the temperatures of the windings."""
+    robot, windings = run.design.device.simulated, run.design.windings
+    if windings is None:
+        return []
+    heat = heat_of(run.recording, windings)
+    columns = [
+        ("highest in the run [°C]", ".1f", heat.highest),
+        ("back to back for ever [°C]", ".1f", heat.endless),
+        ("limit [°C]", ".0f", heat.limit),
+        ("time to the limit [s]", ".4g", heat.time_to_limit),
+    ]
+    answer = doc.said("**The motion {}.**", heat.sentence(robot, run.recording.time[-1]))
+    return [answer, _table(run.design, columns)]
 
 
 # --- plots -----------------------------------------------------------------------------------
