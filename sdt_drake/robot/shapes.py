@@ -60,10 +60,9 @@ def _placed(mesh: ET.Element, file: Path) -> str:
         return f"{text} has an unsupported format, expected one of {', '.join(MESHES)}"
     if why := _wrong_names(path, file):
         return f"{text} {why}"
-    uris = mesh.findall("uri")
-    for uri in uris:
+    for uri in mesh.findall("uri"):
         uri.text = f"file://{path}"
-    if not uris or "filename" in mesh.attrib:  # a URDF, where Drake reads no other than this
+    if "filename" in mesh.attrib:  # a URDF, where Drake reads no other than this
         mesh.set("filename", f"file://{path}")
     return ""
 

@@ -33,6 +33,5 @@ def axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
         A=np.block([[zero, one], [zero, zero]]),
         B=np.block([[zero, zero], [per_torque, -per_torque]]),
         C=np.eye(2 * n),
-        D=np.zeros((2 * n, 2 * n)),
     )
     return block_of("axis_process", motors, {"tau": n, "load_torque": n}, "state", "motors")
