@@ -20,7 +20,7 @@ from sdt_drake.pilot.observer import PerceptionModel, load_perception
 from sdt_drake.run.threads import threads
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Feeling:
     """The predicted illusion of each pilot of a population."""
 

@@ -2,18 +2,21 @@
 rules of a scenario."""
 
 import difflib
+import importlib
 import json
 import math
 import pickle
+import pkgutil
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import FrozenInstanceError, dataclass, replace
+from dataclasses import FrozenInstanceError, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+import sdt_drake
 from sdt_drake.io.errors import MAX_NUMBER, MAX_PROBLEMS, InputError
 from sdt_drake.io.fields import Input, check_joints, made
 from sdt_drake.io.names import given_fields, value_of
@@ -170,6 +173,28 @@ def test_objects_take_any_sequence_and_are_immutable():
             setattr(thing, name, 0.01)
     with pytest.raises(TypeError):
         made.controller.kp[0] = 2.0
+
+
+def dataclasses_of_the_package() -> Iterator[type]:
+    for found in pkgutil.walk_packages(sdt_drake.__path__, "sdt_drake."):
+        if found.name != "sdt_drake.__main__":
+            module = importlib.import_module(found.name)
+            own = [x for x in vars(module).values() if isinstance(x, type)]
+            own = [x for x in own if x.__module__ == found.name]
+            yield from (x for x in own if "__dataclass_params__" in vars(x))
+
+
+def test_models_of_files_are_frozen_and_objects_with_arrays_are_equal_to_themselves_alone():
+    """numpy's == gives an array: dataclasses of arrays could not be compared or kept in sets."""
+    models, with_arrays = [], []
+    for kind in dataclasses_of_the_package():
+        if issubclass(kind, Input):
+            models.append(kind)
+            assert kind.__dataclass_params__.frozen, kind
+        elif any(re.search(r"Array\b|ndarray", str(field.type)) for field in fields(kind)):
+            with_arrays.append(kind)
+    assert len(models) > 50 and len(with_arrays) > 30
+    assert [kind for kind in with_arrays if kind.__eq__ is not object.__eq__] == []
 
 
 def names_of(thing, prefix=""):
