@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of
 from sdt_drake.analysis.step import step_metrics
-from sdt_drake.analysis.tracking import motor_use, track
+from sdt_drake.analysis.tracking import constant_speed_segments, motor_use, track
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.run.simulate import simulate
 
@@ -53,6 +53,18 @@ def test_speed_and_position_errors_are_separate(rng):
     expected = [steady[0], np.nan, np.nan, np.nan, steady[1]]
     np.testing.assert_allclose(tracking.constant_speed_error, expected)
     assert not tracking.saturated_fraction.any()
+
+
+def test_speed_is_constant_a_second_after_the_first_sample():
+    v = np.stack([np.full(301, -0.3), np.zeros(301), np.arange(301.0)], axis=1)
+    found = constant_speed_segments(v, PERIOD)
+    np.testing.assert_array_equal(found, (np.arange(301) >= 100)[:, None] * [True, False, False])
+
+
+def test_metrics_in_percent_and_degrees_have_their_factors():
+    factors = {"%": 100, "d": np.degrees(1)}
+    for name, metric in METRICS.items():
+        assert metric.factor == factors.get(metric.unit[0], 1), name
 
 
 def test_saturated_fraction_is_a_share_of_time():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.motions import PERIOD, SWING
+from helpers.motions import PERIOD, SWING, sampled
 from helpers.strategies import motions
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -174,3 +174,36 @@ def test_motion_csv_is_resampled_limited_and_retimed(robot, tmp_path):
         load_plan(path, robot, period=PERIOD, torque_margin=1e-6, planner="retiming")
     with pytest.raises(InputError, match="planner: 'fast', expected one of limiter, retiming"):
         load_plan(path, robot, period=PERIOD, planner="fast")
+
+
+def test_file_of_other_periods_or_without_a_column_is_resampled(tmp_path):
+    """A motion file of the same period is taken as it is."""
+    motion, path = sampled(SWING, 0.01), tmp_path / "motion.csv"
+    motion.to_csv(path)
+    for period in (0.01, 0.005):
+        found, loss = import_motion(path, period)
+        assert found.period == period and (loss is None) == (period == 0.01)
+        assert found.duration == pytest.approx(motion.duration)
+    write_table(path, motion.time, {"v_ref": motion.v})
+    found, loss = import_motion(path, 0.01)
+    assert loss is not None
+    np.testing.assert_allclose(found.v, motion.v, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [-0.01, 0.01])
+def test_motion_file_starts_at_0(tmp_path, start):
+    motion, path = sampled(SWING, 0.01), tmp_path / "motion.csv"
+    write_table(path, motion.time + start, motion.columns)
+    with pytest.raises(InputError, match=f"line 2: time starts at {start:g} s, expected 0"):
+        Motion.from_csv(path)
+
+
+@pytest.mark.parametrize(
+    "period, times",
+    [(0.1, 0.1 * np.arange(4)), (1 / 300, np.round(np.arange(301) / 300, 9))],
+    ids=["written", "mean"],
+)
+def test_period_is_the_written_one_or_the_mean_of_rounded_times(tmp_path, period, times):
+    motion = Motion.from_speeds(period, np.zeros(1), np.sin(times)[:, None])
+    write_table(path := tmp_path / "m.csv", times, motion.columns)
+    assert Motion.from_csv(path).period == period

@@ -97,6 +97,7 @@ def test_command_too_fast_for_the_period_is_refused(robot, joint, message):
 def test_reference_motion_is_unlimited_with_margins_of_its_torques(robot, plan):
     motion, report = plan.motion, margins(robot, plan.motion)
     assert not plan.limited.any() and plan.loss is None
+    np.testing.assert_array_equal(checked_torque(robot, motion), plan.torque)
     np.testing.assert_array_equal(plan.peak_use(robot), report.peak_torque / LIMITS)
     np.testing.assert_allclose(plan.peak_use(robot), [0.82, 0.93, 0.30, 0.23], atol=5e-3)
     # The integral of a motion that ends at rest, of the same samples.

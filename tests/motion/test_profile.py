@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.motions import sampled
+from helpers.robots import RATE_TABLE, loaded
 from helpers.strategies import profiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.motion import MotionProfile, command_of, load_command
+from sdt_drake.motion import Command, Motion, MotionProfile, command_of, load_command
 from sdt_drake.motion.profile import Resultant, Track
-from sdt_drake.motion.segments import Fourier, Ramp, Turn
+from sdt_drake.motion.segments import Fourier, Ramp, Sampled, Turn
 from sdt_drake.robot.robot import edited, load_robot
 
 DEVICE = load_robot()
@@ -26,6 +27,39 @@ def of_yaw(*segments, duration):
     """The command of a profile in which joint 4 moves."""
     track = Track(joint="yaw", segments=list(segments))
     return command_of(MotionProfile(duration=duration, tracks=[track]), DEVICE)
+
+
+@given(profiles(DEVICE), st.floats(0.01, 0.99))
+def test_acceleration_is_the_slope_of_the_speed_within_pieces(profile, share):
+    for track in command_of(profile, DEVICE).joints:
+        pieces = replace(track, smooth=())
+        t, h = pieces.times[:-1] + share * np.diff(pieces.times), 1e-6 * np.diff(pieces.times)
+        slope = (pieces.speed(t + h) - pieces.speed(t - h)) / (2 * h)
+        np.testing.assert_allclose(pieces.acceleration(t), slope, atol=1e-6, rtol=1e-4)
+
+
+def test_motion_and_its_command_start_at_the_same_angles():
+    motion = Motion.from_speeds(0.5, np.array([1.0, 2.0]), np.array([[0, 3.0], [2, 5], [4, 0]]))
+    again = sampled(Command.of_motion("again", motion), 0.5)
+    np.testing.assert_array_equal([again.q, again.v], [motion.q, motion.v])
+
+
+def test_sampled_speeds_are_those_of_their_times():
+    profile = Sampled(period=0.5, speeds=[0, 0.2, -0.3, 0])
+    v = of_yaw(profile, duration=1.5).speeds(np.array([0.0, 0.25, 0.5, 1.0, 1.25, 1.5]))
+    np.testing.assert_allclose(v[:, 3], [0, 0.1, 0.2, -0.3, -0.15, 0], atol=1e-14)
+
+
+def test_fourier_corners_are_a_sixteenth_of_the_shortest_swing_apart():
+    series = Fourier(period=4, sine=[0.3, -0.15], cosine=[0.1, 0.2], end=8)
+    np.testing.assert_allclose(series.corners(), np.arange(65) / 8)
+
+
+def test_spin_needs_an_arm():
+    table = Resultant(spin="outer_axis", align="middle_axis")
+    profile = MotionProfile(duration=20, tracks=[Track(resultant=table, segments=[BACK])])
+    with pytest.raises(InputError, match="'middle_axis' is not on an arm of 'outer_axis'"):
+        command_of(profile, loaded(RATE_TABLE, ".urdf"))
 
 
 def test_fourier_speeds_equal_series_by_hand():
@@ -163,12 +197,12 @@ BAD = [  # tracks, each a joint or resultant with its segments
     [("resultant: {spin: yaw, align: roll}", DOWN)],
     [("resultant: {spin: planetary, align: pitch}", DOWN)],
     [("joint: roll", END), ("resultant: {spin: planetary, align: yaw}", DOWN)],
-    [(YAW, GO, "!Hold {at: 0.5, duration: 1}")],
+    [(YAW, GO, "!Hold {at: 4, duration: 1}", "!Hold {at: 0.5, duration: 1}")],
     [(YAW, "!Ramp {to_deg_s: 0, acceleration_deg_s2: 5}")],
     [(YAW, "!Ramp {to_deg_s: -5, duration: 1}")],
     [(YAW, GO, "!Turn {by_deg: 5, duration: 1}")],
     [("resultant: {spin: planetary}", "!Ramp {to_g: 3, duration: 4}", DOWN)],
-    [(YAW, "!Knots {knots: [[0, 0], [19, 0]]}")],
+    [(YAW, "!Knots {knots: [[0, 0], [18, 1], [19, 0]]}")],
     [(YAW, "!Knots {knots: [[0, 0], [20.0000001, 0]]}")],
 ]  # fmt: skip
 STILL = "!Knots {knots: [[0, 0], [20, 0]]}"

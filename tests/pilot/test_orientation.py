@@ -1,11 +1,16 @@
 """The observer of orientation against closed forms, its symmetries, and published numbers."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from helpers.alone import FEELING
 from scipy.signal import lsim
 
 import sdt_drake as sdt
+from sdt_drake.io.errors import InputError
 from sdt_drake.pilot import load_perception
+from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.pilot.orientation import perceive
 
 G = 9.81
@@ -139,3 +144,11 @@ def test_swing_equals_printed_table_of_rader(radial):
 def test_bad_samples_of_the_observer_are_refused(change, line):
     with pytest.raises(sdt.InputError, match=f"^{line}[^\n]*$"):
         perceive(*change(*flight()))
+
+
+@pytest.mark.parametrize("name", ["k_w", "k_fw", "k_fg", "k_a", "tau", "tau_a"])
+@pytest.mark.parametrize("axes", [2, 4])
+def test_gains_of_a_pilot_are_for_three_axes(name, axes):
+    values = dataclasses.asdict(FEELING) | {name: [0.0 if name == "k_a" else 1.0] * axes}
+    with pytest.raises(InputError, match=rf"{name}: .*3"):
+        PerceptionModel(**values)

@@ -1,5 +1,6 @@
 """The chosen device against calculations by hand, and the catalogue that it is chosen from."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -7,8 +8,11 @@ import pytest
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import effective_inertia, torque_groups
+from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.motors import DeviceChoice, chosen_robot, load_catalogue
+from sdt_drake.robot.parsed import check_dynamics
 from sdt_drake.robot.robot import edited
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
@@ -152,3 +156,34 @@ def test_bad_motor_is_refused_with_file_and_field(tmp_path, old, new, message):
         load_catalogue(path)
     (line,) = error.value.lines
     assert line.startswith(f"{path}: {message}")
+
+
+def test_envelope_of_the_motors_is_in_rad_per_s_and_names_joints_without(robot):
+    """Of the catalogue in rpm; the first joint keeps the motor of the SDF."""
+    catalogue = {motor.id: motor for motor in load_catalogue().motors}
+    other = chosen_robot(robot, DeviceChoice(motors=LIGHTER, fitted=FITTED)).envelope
+    rpm = [[catalogue[name].n1_rpm, catalogue[name].n0_rpm] for name in LIGHTER]
+    np.testing.assert_allclose(np.transpose([other.n1, other.n0]), np.pi / 30 * np.array(rpm))
+    assert chosen_robot(robot, DeviceChoice(gear_ratio=[50, 1, 1, 1])).envelope is None
+
+
+def test_speed_share_is_that_of_joint_or_motor(robot):
+    fast = dataclasses.replace(
+        robot,
+        velocity_limit=np.array([4.0, 8, np.inf, np.inf]),
+        envelope=Envelope(np.full(4, 1.0), 67.2 * np.array([8.0, 4 / 67.2, 2, 1]), "a test"),
+    )
+    share = fast.speed_share(np.array([-2.0, 2, 0, 0]))
+    np.testing.assert_allclose(share, [0.5, 0.5, 0, 0])
+
+
+@pytest.mark.parametrize("given, missing", [("n1", "n0"), ("n0", "n1")])
+def test_drive_names_the_missing_end_of_an_envelope(given, missing):
+    with pytest.raises(InputError, match=f"{missing}: missing, expected n1 and n0 or neither"):
+        Drive(**{given: [1.0] * 4})
+
+
+def test_joint_must_move_a_share_of_the_largest_inertia():
+    check_dynamics(np.diag([1e-11, 1.0]), ["a", "b"], "file")
+    with pytest.raises(InputError, match="joint 'a': inertia about its axis 1e-13 kg m²"):
+        check_dynamics(np.diag([1e-13, 1.0]), ["a", "b"], "file")

@@ -100,6 +100,7 @@ BAD = [
         "",
         _ELBOW + "actuator effort limit inf N m, expected a finite <effort> > 0",
     ),
+    ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0 N m"),
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
     ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.robots import ARM, URDF, loaded, refused
+from helpers.robots import ARM, RATE_TABLE, URDF, loaded, refused
 from pydrake.math import RollPitchYaw
 
 from sdt_drake.robot.deviation import Deviation, deviated
@@ -36,6 +36,11 @@ BAD = [
 @pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
 def test_bad_urdf_is_refused_with_file_and_place(old, new, message):
     refused(URDF, old, new, message)
+
+
+def test_world_need_not_be_declared():
+    table = loaded(RATE_TABLE.replace('<link name="world"/>', ""), ".urdf")
+    assert table.joint_names == loaded(RATE_TABLE, ".urdf").joint_names
 
 
 def test_unknown_urdf_attributes_are_ignored_and_told():

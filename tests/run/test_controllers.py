@@ -17,6 +17,7 @@ from sdt_drake.io.fields import Positive, field
 from sdt_drake.io.schema import json_schema
 from sdt_drake.robot.dynamics import InertiaRange
 from sdt_drake.run.controllers import (
+    CONTROLLERS,
     SHIPPED,
     ChosenFeedforward,
     Controller,
@@ -80,6 +81,37 @@ def test_registered_controller_is_known_to_scenarios_and_comparisons(designed):
         scenario.changed({"controller.anti_windup": True})
     with pytest.raises(InputError, match=r"controller\.kind: mine needs plant\.kind coupled$"):
         designed("axis_pi", {"controller.kind": "mine"}, end=0.1)
+
+
+def test_options_made_before_their_controller_was_registered_again_become_its_own():
+    register_controller("mine", mine, MyOptions)
+    before = load_scenario("coupled_pi", {"controller.kind": "mine", "controller.share": 0.5})
+
+    @dataclass(frozen=True)
+    class Again(MyOptions):
+        pass
+
+    register_controller("mine", mine, Again)
+    after = before.changed({"name": "after"}).controller
+    assert type(after) is CONTROLLERS["mine"] is not type(before.controller)
+    assert isinstance(after, Again) and after.share == 0.5
+
+
+def test_inverse_dynamics_controller_has_the_damping_of_the_scenario(designed):
+    """A small speed error takes 2 zeta omega_n M / r of torque, to its square."""
+    zeta, error = np.array([0.3, 0.5, 0.7, 0.9]), 1e-7
+    fields = {"controller.kind": "inverse_dynamics", "controller.zeta": zeta}
+    design = designed("coupled_pi", fields, end=0.1)
+    model, law = design.device.model, design.scenario.controller.feedback(design)
+    context, columns = law.CreateDefaultContext(), []
+    for v in [np.zeros(4), *(error * np.eye(4))]:
+        law.GetInputPort("reference").FixValue(context, np.zeros(12))
+        law.GetInputPort("sampled_state").FixValue(context, [0, 0, 0, 0, *v])
+        columns.append(law.GetOutputPort("tau_fb").Eval(context))
+    M = model.mass_matrix(model.context_at_zero())
+    found = (np.array(columns[1:]) - columns[0]).T / error * model.gear_ratio[:, None]
+    expected = -2 * M * zeta * design.tuning.omega_n
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(

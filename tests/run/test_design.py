@@ -113,6 +113,9 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
          r"\S+; expected more$"),
         ({"drive": Drive(torque_bandwidth=4e4)},
          r"drive\.torque_bandwidth: gives joint 1 a pole"),
+        # Bristles of 4e12 N m/rad at the smallest inertia of joint 2 alone, 66.8 kg m².
+        ({"plant.friction": Friction([0, 0.04, 0, 0], presliding=1e-14)},
+         r"plant\.friction: coulomb over presliding gives joint 2 a pole at 2\.45e\+05"),
         ({"drive": Drive(reference_delay=30.0)},
          r"drive\.reference_delay: 30 s, expected less than .* 30 s$"),
         # At the smallest inertia of joint 2, 66.8 kg m², but not at its largest, 98.

@@ -9,9 +9,11 @@ from helpers.variants import weaker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.by_hand import LIMIT
+from pydrake.systems.framework import LeafSystem
 
 from sdt_drake.analysis.tracking import stops_passed
-from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.io.errors import InputError
+from sdt_drake.run.controllers import CONTROLLERS, Controller, register_controller
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.recording import Recording
@@ -62,6 +64,33 @@ def test_recording_comes_back_from_csv_and_a_second_run(design, recording, tmp_p
     for other in (Recording.load(path), simulate(loop)):
         for name in ("time", *COLUMNS):
             assert getattr(other, name).tobytes() == getattr(recording, name).tobytes(), name
+
+
+def test_summary_has_the_share_of_time_in_saturation(recording):
+    saturated = np.zeros_like(recording.saturated)
+    saturated[0], saturated[1:101, 0], saturated[400, 1] = 1, 1, 0.5  # of 400 periods
+    shown = replace(recording, saturated=saturated).summary()
+    column = list(shown.header).index("saturated [%]")
+    assert [row[column] for row in shown.rows] == ["25.00", "0.12", "0.00", "0.00"]
+
+
+def test_error_in_python_of_the_loop_is_told_as_that_of_its_controller(designed):
+    """Drake's own RuntimeError is that of an integrator without progress."""
+
+    class Failing(LeafSystem, Controller):
+        def __init__(self, design):
+            super().__init__()
+            self.DeclareVectorInputPort("sampled_state", 8)
+            self.DeclareVectorOutputPort("tau_cmd", 4, self.calc)
+
+        def calc(self, context, output):
+            if context.get_time() > 0.05:
+                raise RuntimeError("out of ideas")
+            output.SetFromVector(np.zeros(4))
+
+    register_controller("failing", Failing)
+    with pytest.raises(InputError, match=r"fails \(RuntimeError: out of ideas\)"):
+        simulate(designed("coupled_pi", {"controller.kind": "failing"}, end=0.1))
 
 
 def test_old_columns_of_a_recording_work_and_warn(recording, tmp_path):

@@ -66,6 +66,14 @@ def test_block_has_keyword_arguments_and_documented_ports(name, robot, meshcat):
         is_drawn(name, made(name, anti_windup=True), ["tau_cmd", "tau_limited"])
 
 
+def test_motors_without_gears_have_their_envelope_at_the_joint_speed():
+    own = systems.dynamic_saturation(motor_torque_limit=[5.0], n1=[10.0], n0=[20.0], widened=False)
+    context = own.CreateDefaultContext()
+    own.GetInputPort("tau_cmd").FixValue(context, 9.0)
+    own.GetInputPort("motor_state").FixValue(context, [0.0, 15.0])
+    assert own.GetOutputPort("tau_limited").Eval(context) == pytest.approx([2.5])
+
+
 FREE = {"i_eff", "position_gain", "motor_torque_limit"}  # of any length
 CHECKED = FREE | {"gear_ratio", "n", "amplitude", "omega_d", "period", "omega_n", "zeta"}
 MORE = {"encoder": alone.RESOLVED, "pi_speed_controller": {"setpoint_weight": 1.0}}

@@ -52,6 +52,16 @@ def test_plant_acceleration_inverts_inverse_dynamics(case, rng):
     np.testing.assert_allclose(robot.mass_matrix(at) @ B, wanted, atol=1e-7 * wanted.max())
 
 
+def test_rotors_apart_leave_the_plant_of_the_links():
+    links = loaded(WRIST.replace("inertia>0.01", "inertia>0").replace("inertia>4e-4", "inertia>0"))
+    q, v, tau, load = np.array([[0.3, -0.5], [1.0, -2.0], [0.4, 0.2], [0.1, -0.3]])
+    apart = robot_plant(robot=loaded(WRIST), without_rotor=np.array([True, True]))
+    found, expected = (
+        accelerated(x, q, v, tau, load)[0] for x in (apart, robot_plant(robot=links))
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
 def test_coupled_rotors_keep_energy():
     wrist = loaded(WRIST)
     process = robot_plant(robot=wrist)
