@@ -8,6 +8,7 @@ from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.robot.device import FrictionParameters, Springs
 from sdt_drake.robot.dynamics import Loads
 from sdt_drake.robot.stops import Stops
+from sdt_drake.robot.windings import Windings
 from sdt_drake.systems.gains import SpeedGains
 
 PERIOD = 0.005  # s
@@ -27,6 +28,15 @@ FRICTION = FrictionParameters(
 )
 STOPS = Stops(stiffness=[5e4, 0.0, 30.0], damping=[600.0, 7.0, 0.1], restitution=0.6)
 LOWER, UPPER = np.array([-0.5, -0.1, -np.inf]), np.array([0.4, 0.2, 0.3])  # rad
+WINDINGS = Windings(
+    rated_torque=np.array([68.0, 1780.0, 0.1]),
+    rise=np.array([105.0, 80.0, 60.0]),
+    limit=np.array([155.0, 130.0, 120.0]),
+    time_constant=np.array([[90.0, 180.0, 20.0], [2700.0, 900.0, 20.0]]),
+    share=np.array([[0.6, 0.75, 1.0], [0.4, 0.25, 0.0]]),
+    coolant=25.0,
+    initial=40.0,
+)
 SPRINGS = Springs(
     elastic=np.array([True, False, True]),
     stiffness=np.array([9e5, 0.0, 4e3]),
@@ -66,6 +76,7 @@ ARGUMENTS = {
     "joint_friction": {"friction": FRICTION, "gear_ratio": GEAR},
     "joint_stops": {"stops": STOPS, "lower": LOWER, "upper": UPPER, "gear_ratio": GEAR},
     "LoadTorque": {"robot": None},
+    "motor_windings": {"windings": WINDINGS},
     "orientation_observer": {"model": FEELING},
     "pi_speed_controller": {"gains": GAINS, "gear_ratio": GEAR},
     "position_loop": {"position_gain": [2.0, 3.0, 5.0]},

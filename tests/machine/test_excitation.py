@@ -70,21 +70,6 @@ def test_a_payload_is_excited_gently(arm):
     assert 0 < np.abs(planned(found).v).max() <= 0.8 * 0.1 * 5 + 1e-6
 
 
-BAD = [
-    ("--payload hand", "no moving link 'hand', expected one of upper; lower"),
-    (
-        "--margin 0.2 --duration 1",
-        "joint 1 exceeds its torque limit even at rest, expected a stronger motor",
-    ),
-    ("--acceleration 8", "--acceleration: [8.0], expected a list of 2 finite numbers > 0"),
-]
-
-
-@pytest.mark.parametrize("options, message", BAD, ids=[case[0] for case in BAD])
-def test_bad_options_of_excite_are_one_line(refuse, options, message):
-    refuse("excite", "../given/arm.sdf", "--out", "x.yaml", *options.split(), saying=[message])
-
-
 def test_excitation_assumes_missing_limits(arm):
     """Of the second joint: what its motor gives the least inertia about it."""
     accelerations, *_ = assumed(arm)

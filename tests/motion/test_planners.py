@@ -286,7 +286,7 @@ def test_end_in_motion_beyond_torque_is_refused_with_its_torque(robot, when, spe
 
 
 # 45000 rad at the speed limit; nothing but inertia: times go with the root of the torque.
-@pytest.mark.parametrize("speed, margin", [(9000, 1), (0.05, 1e-6), (1, 1e-300)])
+@pytest.mark.parametrize("speed, margin", [(9000, 1), (1, 1e-300)])
 def test_retiming_beyond_100_times_the_duration_is_refused(robot, speed, margin):
     with pytest.raises(InputError, match=r"'alone' refused: .* most 100 times as long"):
         retime(robot, alone(knots([0, 0], [5, speed], [10, 0])), torque_margin=margin)

@@ -164,6 +164,15 @@ def stops(x, state):
     return {"stop_torque": torque / GEAR}, None
 
 
+@case("motor_windings", scales={"tau": alone.WINDINGS.rated_torque})
+def windings(x, tau):
+    winding, housing = np.split(x, 2)
+    heat = (tau / [68.0, 1780.0, 0.1]) ** 2
+    parts = [0.6, 0.75, 1.0] * winding + [0.4, 0.25, 0.0] * housing
+    rates = np.append((heat - winding) / [90, 180, 20], (heat - housing) / [2700, 900, 20])
+    return {"winding_temperature": 25.0 + [105.0, 80.0, 60.0] * parts}, rates
+
+
 ALL = Springs(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.command_line import SHORT
 
+from sdt_drake.analysis.heat import winding_temperature
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
@@ -22,7 +23,6 @@ from sdt_drake.studies.outcomes import (
     motor_load_names,
     motor_loads,
     outcome_names,
-    winding_temperature,
 )
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.study import Study, Variable, load_study
