@@ -1,5 +1,6 @@
 """The command `compare`."""
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -64,12 +65,8 @@ def run(
         echo()
     rows = [[c.label, ", ".join(c.needs)] for c in compared]
     print_table(("controller", "needs to know"), rows)
-    common.deliver(
-        out,
-        show,
-        lambda: sdt.plots.comparison(f"{name}: controllers", compared),
-        lambda path: comparison.write_comparison(compared, path),
-    )
+    figure = partial(sdt.plots.comparison, f"{name}: controllers", compared)
+    common.deliver(out, show, figure, partial(comparison.write_comparison, compared))
 
 
 def _ranking(compared: "Comparison") -> str:

@@ -36,18 +36,7 @@ _NEXT_OF_OWN = (
     ("identify {robot} run.csv --columns columns.yaml --out found", "the identified robot"),
     ("study run study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
 )
-
-
-def _next_of_own(robot: str) -> str:
-    """Return the commands to run next in the folder of your own robot."""
-    commands = [command.format(robot=shlex.quote(robot)) for command, _ in _NEXT_OF_OWN]
-    width = max(map(len, commands))
-    lines = [
-        f"sdt-drake {command:{width}}   {text}"
-        for command, (_, text) in zip(commands, _NEXT_OF_OWN, strict=True)
-    ]
-    last = "Replace the values marked ASSUMED. All fields of all files: sdt-drake reference"
-    return "\n".join(["", *lines, "", last])
+_LAST_OF_OWN = "Replace the values marked ASSUMED. All fields of all files: sdt-drake reference"
 
 
 def run(
@@ -81,7 +70,11 @@ def run(
 
             own = sdt.load_robot(robot)
             names = write_own(own, new, folder)
-            then = _next_of_own(own.path.name)
+            quoted = shlex.quote(own.path.name)
+            rows = [(command.format(robot=quoted), text) for command, text in _NEXT_OF_OWN]
+            width = max(len(command) for command, _ in rows)
+            lines = [f"sdt-drake {command:{width}}   {text}" for command, text in rows]
+            then = "\n".join(["", *lines, "", _LAST_OF_OWN])
         # The schemas are copied, so that editors find them wherever the folder is moved.
         for file in sorted((models_dir() / "schemas").iterdir()):
             write_text(new / "schemas" / file.name, file.read_text(encoding="utf-8"))

@@ -45,8 +45,11 @@ def run(
     for encoder in found.sweeps:
         echo(f"{name}, encoder on the {encoder}: {found.verdict(encoder)}")
     echo(f"{choice.label}: {choice.in_words(design)}")
+    factor = design.device.nominal.frequency_factor
+    times = "" if factor == 1 else f", {choice.omega_r:g}, times {factor:.4g} for the device"
+    source = f"controller.omega_r{times}" if omega_r is None else "--omega-r"
     echo(
-        f"elastic joints: omega_r = {found.omega_r:g} rad/s ({_source(design, omega_r)}), "
+        f"elastic joints: omega_r = {found.omega_r:g} rad/s ({source}), "
         f"damping ratio {found.damping_ratio:g}"
     )
     echo()
@@ -59,15 +62,6 @@ def run(
     for line in _notes(design, found.omega_r):
         echo(line)
     common.deliver(out, show, found.plot, found.results().write)
-
-
-def _source(design: "Design", given: float | None) -> str:
-    """Return where the natural frequency of the structure comes from."""
-    if given is not None:
-        return "--omega-r"
-    own, factor = design.scenario.controller.omega_r, design.device.nominal.frequency_factor
-    times = "" if factor == 1 else f", {own:g}, times {factor:.4g} for the device"
-    return f"controller.omega_r{times}"
 
 
 def _print_sweep(sweep: "StabilitySweep", joint_names: tuple[str, ...]) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -122,10 +123,7 @@ def _axis(
         label = name.removesuffix("_percent").replace("_", " ")
         echo(f"{label:20s} {value:.5g} {UNITS[name]}")
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
-    response = {"time": step.time, "v": step.speed}
-    common.deliver(
-        out,
-        show,
-        lambda: sdt.plots.step_responses("Step response", {"step": step}),
-        Results({"setpoint_weight": setpoint_weight, **about, **metrics}, response).write,
-    )
+    about = {"setpoint_weight": setpoint_weight, **about, **metrics}
+    results = Results(about, {"time": step.time, "v": step.speed})
+    figure = partial(sdt.plots.step_responses, "Step response", {"step": step})
+    common.deliver(out, show, figure, results.write)

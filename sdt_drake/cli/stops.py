@@ -1,7 +1,5 @@
 """The command `stops`."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from cyclopts import Parameter

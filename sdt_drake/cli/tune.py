@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -68,18 +69,11 @@ def run(
     names = design.device.simulated.joint_names
     columns: dict[str, Any] = {"joint": range(1, len(names) + 1), "name": names, **numbers}
     about = {"title": what, "omega_r": tuning.omega_r}
-    common.deliver(
-        out,
-        show,
-        lambda: sdt.plots.effective_inertia(
-            f"{what}: effective inertia, motor side",
-            tuning.motion.time,
-            tuning.i_eff,
-            tuning.model.joint_names,
-            table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
-        ),
-        Results(about, columns).write,
-    )
+    published = table1("i_eff_max") if _is_shipped(design.scenario.robot) else None
+    title = f"{what}: effective inertia, motor side"
+    along = tuning.motion.time, tuning.i_eff, names, published
+    figure = partial(sdt.plots.effective_inertia, title, *along)
+    common.deliver(out, show, figure, Results(about, columns).write)
 
 
 def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str, Any]) -> Design:

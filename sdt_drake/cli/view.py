@@ -115,6 +115,7 @@ def _motion(
 ) -> tuple[str, RobotModel, Array, Array, Story]:
     """Return title, robot, time [s], joint angles [rad] and story of a motion or a scenario."""
     from sdt_drake.io.resources import find_file, named
+    from sdt_drake.io.tables import check_limits, read_table
     from sdt_drake.motion import INTERPOLATION_PERIOD, Story, load_plan, story_of
     from sdt_drake.pilot.head import check_head
 
@@ -132,7 +133,17 @@ def _motion(
     if pilot:
         check_head(model)
     if file.suffix in TABLES:
-        return file.stem, model, *_angles(file, model), Story()
+        time, columns = read_table(file)
+        q = columns.get("q", columns.get("q_ref"))
+        if q is None:
+            raise InputError(f"{file}: no columns q_1.. or q_ref_1.., the joint angles [rad]")
+        if q.shape[1] != model.n:
+            raise InputError(
+                f"{file}: angles of {q.shape[1]} joint(s), robot '{model.name}' has {model.n}; "
+                "give the robot of the table with --robot"
+            )
+        check_limits(file, time, columns)
+        return file.stem, model, time, q, Story()
     motion = load_plan(file, model, period=INTERPOLATION_PERIOD, torque_margin=1.0).motion
     return file.stem, model, motion.time, motion.q, story_of(file, model, motion)
 
@@ -150,20 +161,3 @@ def _simulated(
     recording = sdt.simulate(design)
     story = story_of(design.scenario.motion, design.device.simulated, design.reference.tracked)
     return design.scenario.name, design.device.simulated, recording.time, recording.q, story
-
-
-def _angles(path: Path, robot: RobotModel) -> tuple[Array, Array]:
-    """Return time [s] and joint angles [rad] of a table."""
-    from sdt_drake.io.tables import check_limits, read_table
-
-    time, columns = read_table(path)
-    q = columns.get("q", columns.get("q_ref"))
-    if q is None:
-        raise InputError(f"{path}: no columns q_1.. or q_ref_1.., the joint angles [rad]")
-    if q.shape[1] != robot.n:
-        raise InputError(
-            f"{path}: angles of {q.shape[1]} joint(s), robot '{robot.name}' has {robot.n}; "
-            "give the robot of the table with --robot"
-        )
-    check_limits(path, time, columns)
-    return time, q

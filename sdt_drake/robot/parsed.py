@@ -76,11 +76,9 @@ def actuators_of(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> 
         limit = actuator.effort_limit() if actuator else 0.0
         rotor = actuator.default_rotor_inertia() if actuator else 0.0
         ratio = actuator.default_gear_ratio() if actuator else 1.0
+        effort = f"actuator effort limit {limit:g} N m, expected a finite <effort> > 0"
         for good, text in (
-            (
-                0 < limit < np.inf,
-                f"actuator effort limit {limit:g} N m, expected a finite <effort> > 0",
-            ),
+            (0 < limit < np.inf, effort),
             (rotor >= 0, f"rotor inertia {rotor:g} kg m², expected >= 0"),
             (ratio > 0, f"gear ratio {ratio:g}, expected > 0"),
         ):

@@ -173,8 +173,12 @@ def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
                     motors[names[0]].append(_leaf("drake:gear_ratio", text))
         else:
             ratios = [_reduction(part, where) for part in (*joints, *actuators)]
-            for k, (own_ratio, other) in enumerate(_differential(*ratios)):
-                motors[names[k]].append(_leaf("drake:gear_ratio", repr(own_ratio)))
+            # The motors turn n_1 (r_1 v_1 + r_2 v_2) and n_2 (r_1 v_1 - r_2 v_2) in ROS. The sign
+            # of a motor that turns against its joint is reversed.
+            r_1, r_2, n_1, n_2 = ratios
+            for k, (turns, other) in enumerate(((n_1 * r_1, n_1 * r_2), (-n_2 * r_2, n_2 * r_1))):
+                other = other if turns > 0 else -other
+                motors[names[k]].append(_leaf("drake:gear_ratio", repr(abs(turns))))
                 motors[names[k]].append(_leaf(TURNS_WITH, repr(other), names[1 - k]))
     return motors
 
@@ -194,18 +198,6 @@ def _reduction(part: ET.Element, where: str) -> float:
             f"{where}: <mechanicalReduction> is '{text[:40]}', expected a number other than 0"
         )
     return ratio
-
-
-def _differential(
-    joint_1: float, joint_2: float, motor_1: float, motor_2: float
-) -> list[tuple[float, float]]:
-    """Compute the turns of each motor per turn of its own joint, and of the other joint.
-
-    The motors of ROS's DifferentialTransmission turn n_1 (r_1 v_1 + r_2 v_2) and n_2 (r_1 v_1 -
-    r_2 v_2). The sign of a motor that turns against its joint is reversed.
-    """
-    rows = [(motor_1 * joint_1, motor_1 * joint_2), (-motor_2 * joint_2, motor_2 * joint_1)]
-    return [(abs(own), other if own > 0 else -other) for own, other in rows]
 
 
 def _add_link(model: ET.Element, old: ET.Element, joint: ET.Element | None, where: str) -> None:

@@ -251,11 +251,8 @@ def _loop_and_diagram(
 def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
     """Return the recording of a run from the logged signals."""
     design = loop.design
-    motion, loads, held = (
-        design.reference.planned,
-        design.loads,
-        arrived(design, design.reference.planned.time),
-    )
+    motion, loads = design.reference.planned, design.loads
+    held = arrived(design, motion.time)
     if "reference" in signals:  # an external reference takes the place of the planned motion
         period, time, index = motion.period, signals["step_time"], np.arange(len(motion.v))
         after = np.searchsorted(time, (index + 1e-6) * period) - 1
