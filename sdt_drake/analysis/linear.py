@@ -15,13 +15,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.device import (
-    equilibrium,
-    make_device,
-    measured_port,
-    set_device,
-    viscous_only,
-)
+from sdt_drake.run.device import equilibrium, make_device, measured_port, set_device, viscous_only
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.state_space import LinearModel, StateSpace
 from sdt_drake.systems.wiring import blocks_of

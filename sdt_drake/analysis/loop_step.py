@@ -15,11 +15,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Figure, Shown, Summary, formatted, higher, listed, numbered
-from sdt_drake.run.controllers import (
-    make_controller,
-    own_code,
-    start_controller,
-)
+from sdt_drake.run.controllers import make_controller, own_code, start_controller
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device import equilibrium
 from sdt_drake.run.loop import Loop, make_loop

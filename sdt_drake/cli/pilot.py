@@ -8,17 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import (
-    Changes,
-    Given,
-    Integer,
-    Motion,
-    OtherRobot,
-    Out,
-    Show,
-    number,
-    one_of,
-)
 from sdt_drake.cli.printing import echo, echo_wrapped, print_document_table, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
@@ -36,7 +25,7 @@ if TYPE_CHECKING:
 
 Gains = Annotated[
     str,
-    one_of(
+    common.one_of(
         "perception model",
         name="--model",
         help="parameter set of the perception model: shipped name or YAML file",
@@ -45,14 +34,14 @@ Gains = Annotated[
 
 
 def run(
-    scenario: Annotated[str, one_of("scenario", name="SCENARIO|RECORDING")],
+    scenario: Annotated[str, common.one_of("scenario", name="SCENARIO|RECORDING")],
     /,
     *,
-    robot: OtherRobot = None,
+    robot: common.OtherRobot = None,
     gains: Gains = "clark2019",
-    out: Out = None,
-    show: Show = False,
-    given: Given = Given(),
+    out: common.Out = None,
+    show: common.Show = False,
+    given: common.Given = common.Given(),
 ) -> None:
     """Predict the pilot's perception of a motion, and of the controller's errors.
 
@@ -113,7 +102,7 @@ def run(
     )
 
 
-def validate(*, robot: OtherRobot = None) -> None:
+def validate(*, robot: common.OtherRobot = None) -> None:
     """Compare the perception models with published reports of people.
 
     Their predictions for the training motions are printed, too.
@@ -144,11 +133,11 @@ def validate(*, robot: OtherRobot = None) -> None:
 
 
 def people(
-    motion: Motion,
+    motion: common.Motion,
     /,
     *,
-    pilots: Annotated[Integer, number(gte=1, lte=100_000)] = 100,
-    robot: OtherRobot = None,
+    pilots: Annotated[common.Integer, common.number(gte=1, lte=100_000)] = 100,
+    robot: common.OtherRobot = None,
     gains: Gains = "clark2019",
 ) -> None:
     """Predict how many of different pilots feel the illusion of a motion.
@@ -183,7 +172,7 @@ def people(
 
 
 def _recorded(
-    path: str, robot: str | None, changes: Changes
+    path: str, robot: str | None, changes: common.Changes
 ) -> tuple[str, sdt.Recording, RobotModel, Story]:
     """Return name, recording, robot and story of a scenario or a recording."""
     from sdt_drake.motion import Story, story_of

@@ -29,12 +29,7 @@ def run(
             or the table alone (.csv)
     """
     from sdt_drake.show.figures.replay import replay_figure
-    from sdt_drake.show.reports.replay import (
-        FILES,
-        replay_findings,
-        tables,
-        write_replay,
-    )
+    from sdt_drake.show.reports.replay import FILES, replay_findings, tables, write_replay
     from sdt_drake.show.sections import plain
 
     common.check_out(out, show, ["", ".csv"])

@@ -11,16 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from sdt_drake.io.errors import InputError, within
-from sdt_drake.io.fields import (
-    FileOf,
-    Input,
-    NonEmpty,
-    Number,
-    Positive,
-    Problems,
-    Values,
-    field,
-)
+from sdt_drake.io.fields import FileOf, Input, NonEmpty, Number, Positive, Problems, Values, field
 from sdt_drake.io.numbers import read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.robot import sdf

@@ -1,13 +1,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import (
-    Adder,
-    DiscreteTimeIntegrator,
-    Gain,
-    Integrator,
-    MatrixGain,
-)
+from pydrake.systems.primitives import Adder, DiscreteTimeIntegrator, Gain, Integrator, MatrixGain
 
 from sdt_drake.io.arguments import finite_number, positives
 from sdt_drake.systems.gains import SpeedGains

@@ -20,12 +20,7 @@ from sdt_drake.run.controllers.p_pi import PositionGain, PPi
 from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId
 from sdt_drake.run.controllers.pi_scheduled import PiScheduled
 from sdt_drake.run.design import Design
-from sdt_drake.run.options import (
-    CONTROLLERS,
-    AntiWindup,
-    ChosenFeedforward,
-    ControllerOptions,
-)
+from sdt_drake.run.options import CONTROLLERS, AntiWindup, ChosenFeedforward, ControllerOptions
 
 SHIPPED: Mapping[str, type[ControllerOptions]] = {
     "pi": Pi,
