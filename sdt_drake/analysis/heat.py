@@ -1,7 +1,5 @@
 """Temperatures of windings when a motion is flown again and again, back to back."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

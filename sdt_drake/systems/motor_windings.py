@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pydrake.symbolic as sym
 from pydrake.systems.framework import Context, Diagram, System
 
