@@ -137,6 +137,20 @@ def stability() -> Figure:
     return plots.stability(title, sweeps, design.device.simulated.joint_names)
 
 
+def filters() -> Figure:
+    """A notch where motor and link swing against each other, with encoders on the links."""
+    design, omega_r = designed("axis_pi"), 65.991
+    free = omega_r * np.sqrt(design.i_eff / design.nominal.motor_inertia) / (2 * np.pi)
+    changes = {"controller.filters.notch_frequency": [*free[:2], 0.0, 0.0]}
+    notched = design.variant(design.scenario.changed(changes))
+    sweeps = {
+        label: stability_sweep(of, omega_r, encoder="link")
+        for label, of in (("no filter", design), ("notch", notched))
+    }
+    title = "Notches of joints 1 and 2 at the frequency of motor against link"
+    return plots.stability(title, {"link": sweeps}, design.device.simulated.joint_names)
+
+
 def identification() -> Figure:
     """The torques that a training motion needs, and by how much the file of the device and the
     identified robot miss them.
@@ -261,6 +275,7 @@ def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
         "coupled_loop": coupled_loop,
         "controllers": controllers,
         "stability": stability,
+        "filters": filters,
         "identification": identification,
         "monte_carlo": partial(monte_carlo, studies),
         "sizing": partial(sizing, studies),

@@ -270,6 +270,8 @@ def linear_feedback(design: Design, sample: int, start: Motion) -> StateSpace:
 
 def _taylor(system: System, context: Context, input_name: str, output_name: str) -> StateSpace:
     """Return Drake's linearisation of a system from one named port to another."""
+    if context.num_discrete_state_groups() > 1:
+        return _by_updates(system, context, input_name, output_name)
     taylor = FirstOrderTaylorApproximation(
         system,
         context,
@@ -277,3 +279,30 @@ def _taylor(system: System, context: Context, input_name: str, output_name: str)
         output_port_index=system.GetOutputPort(output_name).get_index(),
     )
     return StateSpace.of(taylor, tuple(_state_names(system)))
+
+
+def _by_updates(system: System, context: Context, input_name: str, output_name: str) -> StateSpace:
+    """Return a linear system of several sampled blocks, which Drake does not linearise.
+
+    Each column is the update, or the output, of a unit state or input less that of zeros.
+    """
+    port, output = system.GetInputPort(input_name), system.GetOutputPort(output_name)
+    fixed, groups = port.Eval(context), range(context.num_discrete_state_groups())
+    sizes = [context.get_discrete_state(i).size() for i in groups]
+    n, m = sum(sizes), port.size()
+
+    def respond(x_u: Array) -> Array:
+        for i, x in enumerate(np.split(x_u, np.cumsum(sizes))[:-1]):
+            context.SetDiscreteState(i, x)
+        port.FixValue(context, x_u[n:])
+        after = system.EvalUniquePeriodicDiscreteUpdate(context)
+        states = [after.get_vector(i).value() for i in groups]
+        return np.concatenate([*states, output.Eval(context)])
+
+    zero = respond(np.zeros(n + m))
+    M = np.array([respond(unit) - zero for unit in np.eye(n + m)]).T
+    port.FixValue(context, fixed)
+    timing = system.GetUniquePeriodicDiscreteUpdateAttribute()
+    assert timing is not None
+    parts = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
+    return StateSpace(*parts, timing.period_sec(), tuple(_state_names(system)))

@@ -154,7 +154,10 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
         if (values := getattr(stops, name)) is not None:
             poles = (np.array(values) / inertia) ** power
             _check_pole(scenario, poles, f"plant.stops.{name}")
-    drive = scenario.drive
+    drive, filters = scenario.drive, getattr(scenario.controller, "filters", None)
+    if filters is not None and drive.period is None:
+        for name, values in filters.frequencies.items():
+            _check_pole(scenario, 2 * np.pi * np.array(values), f"controller.filters.{name}")
     if drive.torque_bandwidth is not None:
         lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)
         _check_pole(scenario, lag, "drive.torque_bandwidth")

@@ -149,6 +149,12 @@ class Scenario(Input, Shown):
             yield "controller.kind", f"{controller.kind} needs plant.kind {plants}"
         if controller.friction_compensation and self.plant.friction.is_none:
             yield "controller.friction_compensation", "needs plant.friction"
+        filters = getattr(controller, "filters", None)
+        for name, values in (filters.frequencies if filters else {}).items():
+            nyquist = 0.5 / (self.drive.period or 1e-9)
+            if max(values) >= nyquist:
+                text = f"{max(values):g} Hz, expected less than half the rate of the drives"
+                yield f"controller.filters.{name}", f"{text}, {nyquist:g} Hz"
         if self.drive.period is not None:
             try:
                 whole_periods(self.period, self.drive.period, "")

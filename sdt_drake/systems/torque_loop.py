@@ -34,7 +34,7 @@ def torque_loop(
         output_ports: [tau]
     """
     builder = DiagramBuilder()
-    unit = _unit(motor_torque_limit)
+    unit = torque_unit(motor_torque_limit)
     gain = np.ones(len(unit)) if error is None else 1 + np.asarray(error)
     if bandwidth is None:
         first = last = builder.AddNamedSystem("gain", Gain(gain))
@@ -55,10 +55,10 @@ def set_motor_torque(
 ) -> None:
     """Set the motors' torque to `tau` [N m], motor side, shape (n,), in a loop with a bandwidth."""
     if isinstance(loop, Diagram) and loop.HasSubsystemNamed("lag"):
-        set_state(loop, context, "lag", np.asarray(tau) / _unit(motor_torque_limit))
+        set_state(loop, context, "lag", np.asarray(tau) / torque_unit(motor_torque_limit))
 
 
-def _unit(motor_torque_limit: ArrayLike) -> Array:
+def torque_unit(motor_torque_limit: ArrayLike) -> Array:
     """Return the torque of 1 unit of the state [N m], shape (n,).
 
     Error control treats 1 N m like 1 rad/s. In units of 30 limits the torque is accurate to 2e-3 of

@@ -1,25 +1,33 @@
 """PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, cast
 
+import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import LinearSystem
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import Number, field
 from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design
+from sdt_drake.run.filters import Filters
 from sdt_drake.run.options import LARGEST_INERTIA, AntiWindup, FeedforwardGain
 from sdt_drake.systems import pi_speed_controller
+from sdt_drake.systems.filters import PASS, filter_of, set_filter
 from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.pi import set_integral
+from sdt_drake.systems.torque_loop import torque_unit
 from sdt_drake.systems.wiring import build
 
 
 @dataclass(frozen=True)
 class PiLoops(AntiWindup):
     """Options of all controllers with a PI speed controller for each motor."""
+
+    filters: Filters | None = field(None)
+    """Filters of torque, measured speed and speed reference; none by default."""
 
     needs = (LARGEST_INERTIA,)
     takes_feedforward = True
@@ -57,12 +65,23 @@ class PiLoops(AntiWindup):
         )
         builder.AddNamedSystem("pi_speed_controller", pi)
         signals = self.ahead(builder, design, sample)
+        filters = {name: builder.AddNamedSystem(name, x) for name, x in _filters(self, design)}
         for name in ("reference", "measured", "tau_cmd", "tau_limited"):
+            if not pi.HasInputPort(name):
+                continue
+            port = pi.GetInputPort(name)
+            if one := filters.get(_FILTERED.get(name, "")):
+                builder.Connect(one.get_output_port(), port)
+                port = one.get_input_port()
             if name in signals:
-                builder.Connect(signals[name], pi.GetInputPort(name))
-            elif pi.HasInputPort(name):
-                builder.ExportInput(pi.GetInputPort(name), name)
-        builder.ExportOutput(pi.get_output_port(), "tau_fb")
+                builder.Connect(signals[name], port)
+            else:
+                builder.ExportInput(port, name)
+        tau_fb = pi.get_output_port()
+        for one in (filters[name] for name in _OF_TORQUE if name in filters):
+            builder.Connect(tau_fb, one.get_input_port())
+            tau_fb = one.get_output_port()
+        builder.ExportOutput(tau_fb, "tau_fb")
         return build(builder, self.kind)
 
     def linear(self, design: Design, sample: int) -> Diagram:
@@ -81,12 +100,48 @@ class PiLoops(AntiWindup):
         pi = cast(Diagram, system).GetSubsystemByName("pi_speed_controller")
         own = cast(Diagram, system).GetMutableSubsystemContext(pi, context)
         set_integral(pi, own, tau - proportional, gains=gains)
+        self.start_filters(system, context, design, tau, self.share(design, 0) * v)
+
+    def start_filters(
+        self, system: System, context: Context, design: Design, tau: Array, v: Array
+    ) -> None:
+        """Set the filters to a constant torque [N m], motor side, and speed of joints [rad/s]."""
+        zero, diagram = np.zeros_like(v), cast(Diagram, system)
+        steady = {
+            "speed_low_pass": np.concatenate([zero, v]),
+            "reference_low_pass": np.concatenate([zero, v, zero]),
+        }
+        for name in self.filters.sections() if self.filters else ():
+            one = cast(LinearSystem, diagram.GetSubsystemByName(name))
+            set_filter(one, diagram.GetMutableSubsystemContext(one, context), steady.get(name, tau))
 
     def in_words(self, design: Design) -> str:
-        b = self.setpoint_weight
-        return {1.0: "PI speed loops", 0.0: "I-P speed loops"}.get(
-            b, f"PI speed loops with set-point weight {b:g}"
-        )
+        b, filtered = self.setpoint_weight, "filtered " * bool(self.filters)
+        kind = {0.0: "I-P speed loops"}.get(b, "PI speed loops")
+        return f"{filtered}{kind}" + (f" with set-point weight {b:g}" if b not in (0, 1) else "")
+
+
+_FILTERED = {"reference": "reference_low_pass", "measured": "speed_low_pass"}
+"""Filters of inputs of a PI controller."""
+
+_OF_TORQUE = ("notch", "torque_low_pass")
+"""Filters of its output, in their order."""
+
+
+def _filters(choice: PiLoops, design: Design) -> Iterator[tuple[str, LinearSystem]]:
+    """Yield the filters of PI controllers by name, each of a whole signal."""
+    none = [PASS] * design.device.simulated.n
+    if choice.filters is None:
+        return
+    for name, sections in choice.filters.sections().items():
+        whole, unit = sections, np.ones(len(none))
+        if name == "speed_low_pass":
+            whole, unit = none + sections, np.ones(2 * len(none))
+        elif name == "reference_low_pass":
+            whole, unit = none + sections + none, np.ones(3 * len(none))
+        else:
+            unit = torque_unit(design.device.simulated.motor_torque_limit)
+        yield name, filter_of(whole, unit=unit, period=design.drive.period)
 
 
 @dataclass(frozen=True)
