@@ -65,8 +65,8 @@ def run(
         echo()
     rows = [[c.label, ", ".join(c.needs)] for c in compared]
     print_table(("controller", "needs to know"), rows)
-    figure = partial(sdt.plots.comparison, f"{name}: controllers", compared)
-    common.deliver(out, show, figure, partial(comparison.write_comparison, compared))
+    title, write = f"{name}: controllers", partial(comparison.write_comparison, compared)
+    common.deliver(out, show, lambda: sdt.plots.comparison(title, compared), write)
 
 
 def _ranking(compared: "Comparison") -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -75,8 +74,8 @@ def run(
     if drive_table:
         echo(f"{drive_table} written")
     title = f"{Path(motion).name}, {planner}: {_duration(plan)}"
-    figure = partial(sdt.plots_motion.plan, title, model, plan, report)
-    common.deliver(out, show, figure, plan.motion.to_csv)
+    drawn = title, model, plan, report
+    common.deliver(out, show, lambda: sdt.plots_motion.plan(*drawn), plan.motion.to_csv)
 
 
 def driven(path: str, robot: str | None) -> RobotModel:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -125,5 +124,5 @@ def _axis(
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
     about = {"setpoint_weight": setpoint_weight, **about, **metrics}
     results = Results(about, {"time": step.time, "v": step.speed})
-    figure = partial(sdt.plots.step_responses, "Step response", {"step": step})
-    common.deliver(out, show, figure, results.write)
+    title, steps = "Step response", {"step": step}
+    common.deliver(out, show, lambda: sdt.plots.step_responses(title, steps), results.write)

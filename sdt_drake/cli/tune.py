@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -72,8 +71,8 @@ def run(
     published = table1("i_eff_max") if _is_shipped(design.scenario.robot) else None
     title = f"{what}: effective inertia, motor side"
     along = tuning.motion.time, tuning.i_eff, names, published
-    figure = partial(sdt.plots.effective_inertia, title, *along)
-    common.deliver(out, show, figure, Results(about, columns).write)
+    results = Results(about, columns)
+    common.deliver(out, show, lambda: sdt.plots.effective_inertia(title, *along), results.write)
 
 
 def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str, Any]) -> Design:
