@@ -68,5 +68,6 @@ UNITS = {
     **dict.fromkeys(("tau_fb", "tau_ff", "tau_cmd", "tau_limited", "tau", "tau_link"), "N m"),
     "inertia_share": "-",
     "deflection": "rad",
+    "winding_temperature": "°C",
 }
 """Units of outputs by the name of the port; several for equal parts of a vector."""
