@@ -69,6 +69,7 @@ METRICS: dict[str, Metric] = {
     "winding_temperature": Metric("winding temperature", "% of rated", 100),
     "torque_at_speed_share": Metric("torque at speed", "% of the envelope", 100),
     "stretch": Metric("stretch of the motion", "% of its time", 100),
+    "stop_share": Metric("largest use of a limit of emergency stops", "% of it", 100),
     "felt_share": Metric("error that can be felt", "% of time", 100, ".1f", "felt [% of time]"),
 }
 """Metrics by name; an outcome `name_k` is that of joint k. Smaller is better for each. Speeds and

@@ -53,6 +53,11 @@ class StopLimits(Input):
     drive_torque: Positive | None = field(None, unit="-")
     """Share of the torque of a motor that a ramp takes."""
 
+    @property
+    def is_none(self) -> bool:
+        """True without any limit."""
+        return not [*given_fields(self)]
+
     def by_figure(self, brakes: Brakes) -> dict[str, Array]:
         """Return the limits by name of the figure, SI units, shape (n,) or ().
 

@@ -182,23 +182,28 @@ def stops(
         [1.3, 0.1, 0.1, 0.1]
     """
     design = as_design(design)
-    scenario, n = design.scenario, design.nominal.n
+    setting = setting_of(design, stopping)
+    if run is None:
+        run = simulate(design)
+    instance_of(Recording, "sdt_drake.simulate")(run, "run")
+    if run.q.shape[1] != design.nominal.n:
+        found = joint_count(run.q.shape[1])
+        raise InputError(f"{found}, expected {design.nominal.n}", place="run")
+    return stops_along(setting, run.time, run.q, run.v)
+
+
+def setting_of(design: Design, stopping: Stopping | str | Path) -> Setting:
+    """Check that an emergency stop fits a design; arguments and errors as in `stops`."""
+    scenario = design.scenario
     if scenario.plant.kind != "coupled":
         text = "axis, expected coupled, as joints accelerate each other in a stop"
         raise InputError(text, place="plant.kind")
     if not scenario.plant.elasticity.is_rigid:
         raise InputError("elastic joints, expected rigid ones", place="plant.elasticity")
-    robot = as_driven(design.device.simulated, scenario.drive)
-    setting = make_setting(
-        robot, stopping, scenario.device, design.friction, scenario.plant.stops,
-        accuracy=scenario.accuracy,
+    return make_setting(
+        as_driven(design.device.simulated, scenario.drive), stopping, scenario.device,
+        design.friction, scenario.plant.stops, accuracy=scenario.accuracy,
     )  # fmt: skip
-    if run is None:
-        run = simulate(design)
-    instance_of(Recording, "sdt_drake.simulate")(run, "run")
-    if run.q.shape[1] != n:
-        raise InputError(f"{joint_count(run.q.shape[1])}, expected {n}", place="run")
-    return stops_along(setting, run.time, run.q, run.v)
 
 
 def stops_along(setting: Setting, time: Array, q: Array, v: Array) -> Stops:

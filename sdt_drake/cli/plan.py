@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -32,6 +33,7 @@ def run(
     planner: Planner = "limiter",
     torque_margin: Annotated[float, number(gt=0, lte=1)] = 1.0,
     envelope: Annotated[str | None, one_of("scenario")] = None,
+    stoppable: Annotated[str | None, one_of("stops")] = None,
     drive_table: Annotated[Out, Parameter(metavar="FILE.csv")] = None,
     out: Out = None,
     show: Show = False,
@@ -48,6 +50,8 @@ def run(
         torque_margin: share of the motors' torque to use, in (0, 1]
         envelope: scenario whose device has a torque-speed envelope (of its motors, or from
             drive.n1 and n0); the motion is planned for that device
+        stoppable: file of emergency stops with limits; the motion is slowed down until the stops
+            from all its instants are within them, or refused
         drive_table: file for positions, speeds and feedforward torques of the motors (motor side,
             SI units); `export` writes files for drives
         out: motion file (.csv), or file for a figure of torques and speeds (.png, .svg, .pdf)
@@ -65,17 +69,47 @@ def run(
             raise InputError(text)
     model = sdt.load_robot(robot or common.ROBOT) if envelope is None else driven(envelope, robot)
     plan = load_plan(motion, model, period=period, torque_margin=torque_margin, planner=planner)
+    slower = 1.0
+    if stoppable is not None:
+        plan, slower = _stoppable(plan, model, stoppable, envelope)
     report = margins(model, plan.motion)
     if drive_table:
         with within(drive_table):
             samples = samples_of(model, plan.motion, plan.motion.period)
         write_drive_table(drive_table, model, samples)
     _print_report(motion, planner, model, plan, report)
+    if stoppable is not None:
+        slowed = f", {slower:.3g} times as slow as planned" if slower > 1 else ""
+        echo(f"Its emergency stops are within the limits of {stoppable}{slowed}. {CAUTION}")
     if drive_table:
         echo(f"{drive_table} written")
     title = f"{Path(motion).name}, {planner}: {_duration(plan)}"
     drawn = title, model, plan, report
     common.deliver(out, show, lambda: sdt.plots_motion.plan(*drawn), plan.motion.to_csv)
+
+
+CAUTION = "No statement on safety."
+
+
+def _stoppable(
+    plan: Plan, robot: RobotModel, stops: str, envelope: str | None
+) -> tuple[Plan, float]:
+    """Return the plan, slow enough for its emergency stops, and its factor on the duration."""
+    from sdt_drake.analysis.stop_setting import make_setting
+    from sdt_drake.analysis.stops import stoppable
+    from sdt_drake.motion.plan import checked_plan
+    from sdt_drake.robot.motors import DeviceChoice
+
+    device = DeviceChoice() if envelope is None else sdt.load(envelope).device
+    with within("--stoppable"):
+        setting = make_setting(robot, stops, device)
+        if setting.stopping.limits.is_none:
+            raise InputError(f"{stops}: no limits, expected one that the stops keep")
+        motion, slower = stoppable(setting, plan.motion)
+    if slower > 1:
+        slow = checked_plan(robot, motion, plan.commanded, plan.torque_margin)
+        plan = replace(slow, loss=plan.loss)
+    return plan, slower
 
 
 def driven(path: str, robot: str | None) -> RobotModel:

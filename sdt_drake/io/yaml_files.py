@@ -65,7 +65,7 @@ _KEYS = {
     "study": {"variables", "requirements"},
     "motors": {"motors"},
     "drives": {"axes"},
-    "stops": {"category", "deceleration", "limits"},
+    "stops": {"category", "deceleration", "limits", "motors", "ramp"},
     "perception model": {"k_w", "k_fw", "k_fg", "k_a"},
     "columns of a flight": {"force", "omega", "force_unit", "omega_unit", "axes", "lever"},
 }

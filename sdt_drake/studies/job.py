@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError
+from sdt_drake.analysis.stops import setting_of
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.files import replacing
 from sdt_drake.io.names import value_of
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file, named
@@ -73,7 +74,11 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
         InputError: if the base scenario cannot be run, a file is missing or cannot be used, or
             the numbers of joints differ.
     """
-    n = make_design(base).nominal.n
+    design = make_design(base)
+    n = design.nominal.n
+    if study.stops is not None:
+        with within(place="stops"):
+            setting_of(design, study.stops)
     places: dict[str, str] = {}  # of the files outside the package, by name
     contents: dict[str, bytes] = {}
     for field, name in _references(study, base):
@@ -93,7 +98,8 @@ def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
         **{place: digest(content) for place, content in contents.items()},
     }
     files = {place: contents[place] for place in places.values()}
-    return Job(study, base, files, outcome_names(base, n), About(texts, places, versions()))
+    outcomes = outcome_names(base, n, study.stops)
+    return Job(study, base, files, outcomes, About(texts, places, versions()))
 
 
 def digest(content: bytes) -> str:

@@ -7,6 +7,8 @@ import numpy as np
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.heat import winding_temperature
+from sdt_drake.analysis.stopping import Stopping
+from sdt_drake.analysis.stops import stops
 from sdt_drake.analysis.tracking import motor_use
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import margins
@@ -27,14 +29,36 @@ LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torq
 """Families of outcomes that `motor_loads` returns, one for each joint."""
 
 
+STOP_SHARE = "stop_share"
+"""Outcome of a study with emergency stops."""
+
+_NO_END = 1e9  # tables have no infinity
+
+
 class InfeasibleError(InputError):
     """An error for a motion that is beyond the limits of the device."""
 
 
-def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
-    """Return the names of a run's outcomes. Those of joint k = 1..n end with _k."""
+def outcome_names(base: Scenario, n: int, stops: Stopping | None = None) -> tuple[str, ...]:
+    """Return the names of a run's outcomes. Those of joint k = 1..n end with _k.
+
+    Those of a study with emergency stops end with `stop_share`.
+    """
     loads = motor_load_names(n) if has_motor_loads(base) else ()
-    return (*_of_joints(TRACKING, n), "felt_share", *loads)
+    own = () if stops is None else (STOP_SHARE,)
+    return (*_of_joints(TRACKING, n), "felt_share", *loads, *own)
+
+
+def stop_outcomes(
+    stopping: Stopping | None, design: Design, recording: Recording
+) -> tuple[float, ...]:
+    """Return the largest share of any limit that a stop of the run takes; () without stops.
+
+    A stop that does not end, or exceeds a limit of 0, has the share 1e9.
+    """
+    if stopping is None:
+        return ()
+    return (min(stops(design, stopping, run=recording).share, _NO_END),)
 
 
 def outcomes_of(

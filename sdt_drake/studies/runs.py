@@ -17,7 +17,7 @@ from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.fields import Value, field_names, find_field
-from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of
+from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of, stop_outcomes
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
@@ -123,6 +123,8 @@ class Runner:
         wrong = stops_passed(recording, design.device.simulated.joint_names)
         if np.isinf(outcomes).any() or np.isnan(outcomes[: design.device.simulated.n]).any():
             wrong = ["the speeds are not finite"]
+        else:
+            outcomes += stop_outcomes(self.study.stops, design, recording)
         return outcomes, recording, "; ".join(wrong)
 
     def _failed(self, number: int, error: Exception, duration: float) -> Row:

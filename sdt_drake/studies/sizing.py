@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
+from sdt_drake.analysis.stopping import Stopping
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
     FileOf,
@@ -55,6 +56,13 @@ class Requirements(Input):
     """Largest share of time in which a motor is at its torque limit."""
     stretch: NotNegative = field(0.0, unit="-")
     """Largest extra duration of a planned motion over its commanded duration."""
+    stops: Stopping | None = field(None)
+    """Emergency stop whose limits are kept from every instant of each run; none by default. The
+    brakes are those of the candidate's motors."""
+
+    def problems(self) -> Problems:
+        if self.stops is not None and self.stops.limits.is_none:
+            yield "stops.limits", "none, expected a limit that the stops keep"
 
     def limits(self, n: int) -> dict[str, float]:
         """Return the largest allowed value [SI] by name of the outcome, most important first."""
@@ -72,7 +80,7 @@ class Requirements(Input):
         for family, values in by_family.items():
             for k, value in enumerate(np.broadcast_to(values, n).tolist()):
                 limits[f"{family}_{k + 1}"] = value
-        return limits
+        return limits | ({} if self.stops is None else {"stop_share": 1.0})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,6 +208,7 @@ class Sizing(Input):
             accuracy=self.accuracy,
             timeout=self.timeout,
             pause=self.pause,
+            stops=self.requirements.stops,
             variables=[
                 *motors,
                 Variable("structure_scale", ["device.structure_scale"], "value", scales),

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from sdt_drake.analysis.comparison import check_labels, controller_changes
+from sdt_drake.analysis.stopping import Stopping
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import (
@@ -157,6 +158,8 @@ class Study(Input):
     pause: NotNegative = field(0.0, unit="s")
     """Rest between two runs of a motion, in which the windings cool. It has an effect only with
     motors of a catalogue."""
+    stops: Stopping | None = field(None)
+    """Emergency stop that is simulated from every instant of each run; none by default."""
     variables: Values[Variable] = field(())
     """Variables of the study; at least one."""
 

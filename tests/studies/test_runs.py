@@ -8,6 +8,8 @@ import pytest
 from helpers.command_line import SHORT
 
 from sdt_drake.analysis.heat import winding_temperature
+from sdt_drake.analysis.stopping import StopLimits, Stopping
+from sdt_drake.analysis.stops import stops
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
@@ -236,3 +238,36 @@ def test_study_contents_are_independent_of_its_folder(desk, file, old, new):
     assert make_job(*load_study(moved / "few.yaml")).about.contents == first
     (moved / file).write_text((moved / file).read_text().replace(old, new))
     assert make_job(*load_study(moved / "few.yaml")).about.contents != first
+
+
+STOP = Stopping(
+    every=0.25, motors=["AC-203", "TM-3950", "TM-2150", "TM-2150"], limits=StopLimits(g_onset=3)
+)
+
+
+def test_stops_of_a_row_are_those_of_its_run(files):
+    coupled = load_scenario(files / "coupled.yaml")
+    study = Study(stops=STOP, variables=[of("plant.deviation.payload_mass", List([0.0, 50.0]))])
+    runner = Runner(study, coupled)
+    shares = []
+    for row, mass in enumerate((0.0, 50.0)):
+        changes = {"accuracy": 1e-3, "plant.deviation.payload_mass": mass}
+        outcomes = runner.run(row).outcomes
+        names = outcome_names(coupled, 4, STOP)
+        shares.append(dict(zip(names, outcomes, strict=True))["stop_share"])
+        assert shares[-1] == pytest.approx(stops(make_design(coupled.changed(changes)), STOP).share)
+    assert shares[0] != pytest.approx(shares[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "base, stop, message",
+    [
+        ("axis", STOP, "stops.plant.kind: axis, expected coupled"),
+        ("coupled", STOP.changed({"motors": []}), "stops.motors: missing, expected the id"),
+        ("coupled", STOP.changed({"motors": ["AC-203"]}), r"motors: 1 value\(s\), expected 4"),
+    ],
+)
+def test_stops_that_do_not_fit_the_base_are_refused_before_any_run(files, base, stop, message):
+    study = Study(stops=stop, variables=[of("disturbance.amplitude", List([0.1]))])
+    with pytest.raises(InputError, match=message):
+        make_job(study, load_scenario(files / f"{base}.yaml"))

@@ -83,6 +83,20 @@ def test_sizing_limits_by_outcome():
     assert limits["max_abs_position_error_2"] == pytest.approx(np.pi / 2)
     assert set(limits) <= set(outcome_names(load_sizing(SHIPPED)[1], 2))
     assert not any("position" in name for name in Requirements([0.1]).limits(2))
+    assert "stop_share" not in limits
+
+
+def test_sizing_with_stops_requires_that_no_limit_of_theirs_is_used_beyond_it(load):
+    """The study simulates them, and their share is a requirement as any other."""
+    old = "requirements:\n"
+    stops = "  stops: {category: 1, deceleration: [0.5, 6, 1, 3], limits: {g: 3}}\n"
+    sizing, base = load(old, old + stops)
+    assert sizing.limits["stop_share"] == 1.0
+    study = sizing.study()
+    assert study.stops == sizing.requirements.stops
+    assert set(sizing.limits) <= set(outcome_names(base, 4, study.stops))
+    with pytest.raises(InputError, match=r"requirements\.stops\.limits: none, expected a limit"):
+        load(old, old + stops.replace(", limits: {g: 3}", ""))
 
 
 # --- the table -------------------------------------------------------------------------------
