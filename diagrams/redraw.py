@@ -137,6 +137,12 @@ def stability() -> Figure:
     return plots.stability(title, sweeps, design.device.simulated.joint_names)
 
 
+def observer() -> Figure:
+    """PI with a disturbance observer, with a wrong model."""
+    title = "PI, computed torque and disturbance observer: model 40 kg too light, friction unknown"
+    return plots.comparison(title, compare(designed("wrong_model"), ("pi", "pi_ctc", "pi_dob")))
+
+
 def filters() -> Figure:
     """A notch where motor and link swing against each other, with encoders on the links."""
     design, omega_r = designed("axis_pi"), 65.991
@@ -276,6 +282,7 @@ def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
         "controllers": controllers,
         "stability": stability,
         "filters": filters,
+        "observer": observer,
         "identification": identification,
         "monte_carlo": partial(monte_carlo, studies),
         "sizing": partial(sizing, studies),

@@ -266,7 +266,8 @@ def on_wrong_model(once):
     from sdt_drake.analysis.comparison import compare
     from sdt_drake.run.scenario import load_scenario
 
-    labels = ["pi", "pi_ctc", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics"]
+    labels = ["pi", "pi_ctc", "pi_dob", "pi_id", "p_pi", "p_pi+id", "pi_scheduled"]
+    labels += ["inverse_dynamics"]
 
     def make(_):
         return {run.label: run for run in compare(load_scenario("wrong_model"), labels)}
@@ -277,4 +278,8 @@ def on_wrong_model(once):
 @pytest.fixture(scope="session")
 def on_exact_model(reproduction):
     """Runs of the scenario coupled_pi by label of the controller; do not change them."""
-    return {run.label: run for run in reproduction.beyond}
+    from sdt_drake.analysis.comparison import compare
+    from sdt_drake.run.scenario import load_scenario
+
+    (observed,) = compare(load_scenario("coupled_pi"), ["pi_dob"])
+    return {run.label: run for run in reproduction.beyond} | {"pi_dob": observed}

@@ -60,6 +60,7 @@ LOOKS = {
     "pi": Look(PALETTE[1]),
     "pi_ctc": Look(PALETTE[2], "--", "s"),
     "pi_ctc, printed sign": Look(PALETTE[3], ":", "*"),
+    "pi_dob": Look("#117733", "-.", "v"),
     "pi_id": Look(PALETTE[4], "-.", "^"),
     "p_pi": Look(PALETTE[5], "-", "D"),
     "p_pi+ctc": Look("#882255", "--", "v"),

@@ -35,6 +35,7 @@ vectors of length n unless the table gives another length:
 
 from sdt_drake.systems.axis_process import axis_process
 from sdt_drake.systems.disturbance import disturbance
+from sdt_drake.systems.disturbance_observer import disturbance_observer
 from sdt_drake.systems.elastic_joints import elastic_joints
 from sdt_drake.systems.encoder import encoder
 from sdt_drake.systems.friction import joint_friction

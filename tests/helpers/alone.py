@@ -67,6 +67,12 @@ LOADS = Loads(_RNG.normal(size=MOTION.q.shape), _RNG.normal(size=MOTION.q.shape)
 ARGUMENTS = {
     "axis_process": {"i_eff": I_EFF, "gear_ratio": GEAR},
     "disturbance": {"n": N, "amplitude": 0.05, "omega_d": 7.0},
+    "disturbance_observer": {
+        "inertia": I_EFF,
+        "bandwidth": [9.0, 20.0, 40.0],
+        "gear_ratio": GEAR,
+        "motor_torque_limit": LIMIT,
+    },
     "dynamic_saturation": {"motor_torque_limit": [100.0] * N},
     "elastic_joints": {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
     "encoder": {"n": N, "period": PERIOD},

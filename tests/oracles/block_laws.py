@@ -75,6 +75,19 @@ def disturbance(x, load_torque):
     return {"disturbance": 0.05 * np.sin(7.0 * TIME) * load_torque}, None
 
 
+def disturbance_observer(x, tau, measured, *, period):
+    g, unit = np.array([9.0, 20.0, 40.0]), 30 * alone.LIMIT
+    momentum = g * alone.I_EFF * GEAR * measured[N:]
+    towards = (tau + momentum) / unit
+    after = np.exp(-g * (period or 0)) * (x - towards) + towards if period else g * (towards - x)
+    return {"disturbance": unit * x - momentum}, after
+
+
+for period in (None, PERIOD):
+    register = case("disturbance_observer", "sampled" * bool(period), period=period)
+    register(partial(disturbance_observer, period=period))
+
+
 @case("position_loop")
 def position_loop(x, reference, sampled_state):
     q_ref, v_ref, vd_ref = np.split(reference, 3)

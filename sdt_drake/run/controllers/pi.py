@@ -43,6 +43,12 @@ class PiLoops(AntiWindup):
         """Add the blocks ahead of the PI controllers; return what these read, by input."""
         return {}
 
+    def behind(
+        self, builder: DiagramBuilder, design: Design, tau_fb: OutputPort, sample: int | None
+    ) -> OutputPort:
+        """Add the blocks between the PI controllers and the filters; return their torque."""
+        return tau_fb
+
     def share(self, design: Design, sample: int) -> Array | float:
         """Return the factor on the tuned gains at a sample [-], shape (n,) or one for all."""
         return 1.0
@@ -77,7 +83,7 @@ class PiLoops(AntiWindup):
                 builder.Connect(signals[name], port)
             else:
                 builder.ExportInput(port, name)
-        tau_fb = pi.get_output_port()
+        tau_fb = self.behind(builder, design, pi.get_output_port(), sample)
         for one in (filters[name] for name in _OF_TORQUE if name in filters):
             builder.Connect(tau_fb, one.get_input_port())
             tau_fb = one.get_output_port()

@@ -18,6 +18,7 @@ from sdt_drake.run.controllers.base import Controller, start_own
 from sdt_drake.run.controllers.inverse_dynamics import InverseDynamics
 from sdt_drake.run.controllers.p_pi import PositionGain, PPi
 from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId
+from sdt_drake.run.controllers.pi_dob import PiDob
 from sdt_drake.run.controllers.pi_scheduled import PiScheduled
 from sdt_drake.run.design import Design
 from sdt_drake.run.options import CONTROLLERS, AntiWindup, ChosenFeedforward, ControllerOptions
@@ -26,6 +27,7 @@ SHIPPED: Mapping[str, type[ControllerOptions]] = {
     "pi": Pi,
     "pi_ctc": PiCtc,
     "pi_id": PiId,
+    "pi_dob": PiDob,
     "p_pi": PPi,
     "pi_scheduled": PiScheduled,
     "inverse_dynamics": InverseDynamics,
