@@ -23,6 +23,8 @@ HIGHER = {
     ("motion/plan.py", "show.figures.motions:plan"),
     ("motion/trajectory.py", "show.figures.runs:trajectories"),
     ("run/design.py", "analysis.linear:linear"),
+    ("run/loop.py", "pilot.in_loop:add_pilot"),
+    ("run/loop.py", "pilot.in_loop:start_pilot"),
     ("run/tuning.py", "show.figures.runs:effective_inertia"),
     ("run/recording.py", "show.figures.scope:scope"),
 }

@@ -1,7 +1,7 @@
 """The device as one diagram, its encoders, and the equilibrium at the start of a run."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
@@ -24,14 +24,15 @@ from sdt_drake.systems.torque_loop import set_motor_torque
 from sdt_drake.systems.wiring import build, set_state
 
 
-def make_device(design: Design) -> Diagram:
+def make_device(design: Design, *, of_bodies: bool = False) -> Diagram:
     """Make the device: drives, motors, springs, links, friction and disturbance.
 
     Inputs: `tau_limited`, the torque that the drives are to give; `extra_load_torque`, a further
     load; and `load_torque`, if the axis plant or a disturbance need that of the reference. Outputs:
     `state` of the links, `motor_state`, and `tau` of the motors. Torques are motor side [N m],
-    states joint side [rad, rad/s]. With rigid joints motors have the state of their links. The
-    plant's state is the first in the diagram.
+    states joint side [rad, rad/s]. With `of_bodies` also poses, velocities and accelerations of all
+    bodies of the coupled plant, as its Drake system has them. With rigid joints motors have the
+    state of their links. The plant's state is the first in the diagram.
 
     The plant "axis" is the paper's: each motor turns a constant inertia against the load torque of
     the reference. The plant "coupled" is the MultibodyPlant, where coupling torques act physically.
@@ -110,6 +111,10 @@ def make_device(design: Design) -> Diagram:
     else:
         builder.ExportInput(plant.load_torque, "extra_load_torque")
 
+    if of_bodies:
+        links = cast(System, plant.state.get_system())
+        for name in ("body_poses", "body_spatial_velocities", "body_spatial_accelerations"):
+            builder.ExportOutput(links.GetOutputPort(name), name)
     builder.ExportOutput(plant.state, "state")
     builder.ExportOutput(motor_state, "motor_state")
     builder.ExportOutput(motors.get_output_port(), "tau")

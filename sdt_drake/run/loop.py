@@ -11,6 +11,8 @@ from pydrake.systems.primitives import PassThrough, VectorLogSink, ZeroOrderHold
 
 from sdt_drake.io.arguments import finite, instance_of, one_of, takes
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.shown import higher
 from sdt_drake.run.controllers import start_controller
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device import (
@@ -110,6 +112,8 @@ class Loop:
         if design.windings is not None:
             set_initial_temperature(*own("windings"), windings=design.windings)
         start_controller(self.owner, *own("controller"), design, at.tau_cmd, start)
+        if self.diagram.HasSubsystemNamed("pilot"):  # feels the accelerations that result
+            higher("pilot.in_loop:start_pilot")(*own("pilot"), design)
 
 
 @takes(meshcat=instance_of(Meshcat, "pydrake.geometry.StartMeshcat"))
@@ -119,6 +123,7 @@ def make_loop(
     reference: str = "planned",
     controller: System | str | None = None,
     meshcat: Meshcat | None = None,
+    pilot: bool = False,
 ) -> Loop:
     """Make the closed loop of a design (Figures 3, 5 and 6).
 
@@ -145,6 +150,8 @@ def make_loop(
         controller: your own system instead of the scenario's controller, with ports as in
             `sdt_drake.run.controllers.Controller`; or "external" for an input.
         meshcat: a Meshcat that shows the run; none by default.
+        pilot: True for a block `pilot` at the head of the coupled plant, also if the scenario
+            names no `pilot.model`. The loop then has its outputs, too.
 
     Raises:
         InputError: if the ports of a controller fit no signals of the loop, a controller makes an
@@ -177,7 +184,10 @@ def make_loop(
     feedforward = add("feedforward", make_feedforward(design, adds=adds, feeds=feeds))
     law = add("controller", law)
     saturation = add("dynamic_saturation", make_saturation(design))
-    device = add("device", make_device(design))
+    pilot = pilot or bool(design.scenario.pilot.model)
+    if pilot and (design.scenario.plant.kind == "axis" or design.assumptions.prescribed_motion):
+        raise InputError("needs plant.kind coupled, which moves the head", place="pilot")
+    device = add("device", make_device(design, of_bodies=pilot))
     at_reference = law.HasInputPort("sampled_state")
     encoder = add("encoder", make_encoder(design, at_reference=at_reference, delay=delay))
     extra = add("extra_load_torque", PassThrough(np.zeros(n)))
@@ -245,6 +255,10 @@ def make_loop(
         connect(signals["tau"], windings.get_input_port())
         signals["winding_temperature"] = windings.get_output_port()
         exported.append("winding_temperature")
+    if pilot:
+        felt = higher("pilot.in_loop:add_pilot")(builder, design, device)
+        signals |= felt
+        exported += felt
     logs = add_run_logs(builder, design, signals, is_planned=is_planned)
     for name in exported:
         builder.ExportOutput(signals[name], name)

@@ -11,6 +11,7 @@ from sdt_drake.io.fields import (
     EachJoint,
     FileOf,
     Input,
+    Integer,
     Names,
     NotNegative,
     Number,
@@ -77,6 +78,20 @@ class DisturbanceChoice(Input):
     """Angular frequency of the error, the same on every axis."""
 
 
+@dataclass(frozen=True)
+class PilotChoice(Input):
+    """The pilot in the loop: sensors at the head, and the observer behind them; none by default."""
+
+    model: Annotated[str, FileOf("perception model")] = ""
+    """Perception model of the observer: a file, or the name of a shipped one. None by default."""
+    force_noise: NotNegative = field(0.0, unit="m/s²")
+    """Standard deviation of the noise of the head's specific force, drawn at each sample."""
+    rate_noise: NotNegative = field(0.0, unit="rad/s")
+    """Standard deviation of the noise of the head's angular rate, drawn at each sample."""
+    seed: Integer = field(0, ge=0, le=2**32 - 1, unit="-")
+    """Seed of the noise."""
+
+
 @dataclass(frozen=True, repr=False)
 class Scenario(Input, Shown):
     """A run: robot, motion, controller, drive and plant."""
@@ -123,6 +138,8 @@ class Scenario(Input, Shown):
     """The controller of the plant."""
     disturbance: DisturbanceChoice = field(DisturbanceChoice)
     """Load torque that is missing in the model; none by default."""
+    pilot: PilotChoice = field(PilotChoice)
+    """The pilot in the loop; none by default."""
     probes: Names = field(())
     """Outputs of blocks that `simulate` records, too: paths, or their ends, such as tau_fb or
     device.friction.friction. `sdt-drake diagram SCENARIO --ports` lists them. None by default."""
@@ -147,6 +164,8 @@ class Scenario(Input, Shown):
         if self.plant.kind not in controller.plants:
             plants = " or ".join(controller.plants)
             yield "controller.kind", f"{controller.kind} needs plant.kind {plants}"
+        if self.pilot.model and self.plant.kind != "coupled":
+            yield "pilot.model", "needs plant.kind coupled, which moves the head"
         if controller.friction_compensation and self.plant.friction.is_none:
             yield "controller.friction_compensation", "needs plant.friction"
         filters = getattr(controller, "filters", None)

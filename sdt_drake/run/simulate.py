@@ -40,6 +40,9 @@ MIN_ACCURACY = 1e-12
 MAX_STEPS = 1_000_000
 """Largest number of integrator steps per period; a loop that needs more would not end."""
 
+PILOT = ("specific_force", "angular_rate", "felt_rate", "felt_attitude")
+"""Outputs of the pilot in the loop that a run records as probes."""
+
 N_SLICES = 200
 """Number of parts of a run between which progress is reported; they end at samples."""
 
@@ -158,6 +161,8 @@ def _sampler(loop: Loop, probes: Sequence[str], simulator: Simulator) -> Sampler
     """Return the sampler of probes that now watches a simulator; None without probes."""
     scenario = loop.design.scenario
     names = scenario.probes
+    if loop.diagram.HasSubsystemNamed("pilot"):
+        names = (*names, *(f"pilot.{name}" for name in PILOT))
     if probes != ():
         names = (*names, *scenario.changed({"probes": probes}).probes)
     if not names:

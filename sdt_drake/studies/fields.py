@@ -16,7 +16,7 @@ from sdt_drake.run.scenario import Scenario
 
 Value = float | str
 
-_TYPES = {"number": float, "boolean": bool, "string": str}
+_TYPES = {"number": float, "integer": float, "boolean": bool, "string": str}
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,8 @@ UNITS = {
     "stop_torque": "N m",
     **dict.fromkeys(("tau_fb", "tau_ff", "tau_cmd", "tau_limited", "tau", "tau_link"), "N m"),
     "inertia_share": "-",
+    **{"specific_force": "m/s²", "angular_rate": "rad/s"},
+    **{"felt_gravity": "-", "felt_rate": "rad/s", "felt_attitude": "rad"},
     "deflection": "rad",
     "winding_temperature": "°C",
 }

@@ -84,6 +84,7 @@ ARGUMENTS = {
     "LoadTorque": {"robot": None},
     "motor_windings": {"windings": WINDINGS},
     "orientation_observer": {"model": FEELING},
+    "pilot_at_head": {"robot": None, "model": FEELING, "period": PERIOD},
     "pi_speed_controller": {"gains": GAINS, "gear_ratio": GEAR},
     "position_loop": {"position_gain": [2.0, 3.0, 5.0]},
     "reference_source": {"motion": MOTION},

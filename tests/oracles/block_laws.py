@@ -323,8 +323,8 @@ def internal_model(x, otoliths, canals):
     expected, unused, gravity, low_pass, cupula = np.split(x, [3, 4, 7, 10])
     axis = np.cross(otoliths, expected)
     size = np.sqrt(np.sum(axis**2))
-    angle = np.arccos(otoliths @ expected / np.sqrt(np.sum(otoliths**2) * np.sum(expected**2)))
-    error = angle * axis / size
+    angle = np.arctan2(size, otoliths @ expected)
+    error = angle * axis / np.maximum(size, 1e-300)  # 0 for parallel vectors
     felt = K_A * (otoliths - expected)
     w_r = K_FW * error + K_W * (canals - (low_pass - cupula))
     rate = (K_W + 1) / K_W * w_r
