@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import hashlib
 import io
 import os
 import pickle
@@ -144,12 +145,31 @@ class _Pickler(pickle.Pickler):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures as files of few bytes: drawing takes most of the time of a report."""
+    _draw_less(monkeypatch, {"svg": "<svg xmlns='http://www.w3.org/2000/svg'><!-- {} --></svg>"})
+
+
+@pytest.fixture
+def once_drawn(monkeypatch):
+    """Figures as SVG alone: their .png, the same drawn again, have few bytes."""
+    _draw_less(monkeypatch, {})
+
+
+def _draw_less(monkeypatch, formats):
+    """Write files that differ as soon as a line, a text or what is in a figure does."""
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.text import Text
 
-    files = {"svg": b'<svg xmlns="http://www.w3.org/2000/svg"/>', "png": b"\x89PNG\r\n\x1a\n"}
+    formats, draw = formats | {"png": "\x89PNG\r\n\x1a\n {}"}, Figure.savefig
 
-    def savefig(self, file, format, **options):
-        file.write(files[format])
+    def savefig(self, file, *, format, **options):
+        if format not in formats:
+            return draw(self, file, format=format, **options)
+        lines, texts = self.findobj(Line2D), self.findobj(Text)
+        content = [type(x).__name__ for x in self.findobj()], [x.get_text() for x in texts]
+        content += ([x.get_xydata().tobytes() for x in lines],)
+        digest = hashlib.sha256(repr(content).encode()).hexdigest()
+        return file.write(formats[format].format(digest).encode("latin-1"))
 
     monkeypatch.setattr(Figure, "savefig", savefig)
 

@@ -73,7 +73,9 @@ def short_flight(desk):
 
 
 @pytest.mark.parametrize("name", TABLE["lines"])
-def test_commands_print_and_write_as_committed(name, here, call, desk, request, file_regression):
+def test_commands_print_and_write_as_committed(
+    name, here, call, desk, once_drawn, request, file_regression
+):
     lines = TABLE["lines"][name]
     for line in lines:
         here(line)
