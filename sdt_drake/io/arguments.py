@@ -1,7 +1,5 @@
 """Checks of the arguments of public functions: each returns the value, or raises InputError."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import math
@@ -10,14 +8,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import MAX_NUMBER, InputError, at_most, one_line
-
-if TYPE_CHECKING:  # import numpy lazily: it would slow down --help by 0.1 s
-    from numpy.typing import ArrayLike
-
-    from sdt_drake.io.arrays import Array
 
 MAX_PERIODS = 1_000_000
 """Largest number of sample periods of a motion: 83 min of 5 ms, planned within a minute."""
@@ -217,8 +214,6 @@ def finite(shape: str) -> Check:
 
 def _array(values: ArrayLike) -> Array:
     """Return numbers as an array; NaN if they are no numbers."""
-    import numpy as np
-
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):

@@ -34,7 +34,6 @@ import numpy as np
 from annotated_types import GroupedMetadata
 from pydantic import (
     BeforeValidator,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     ValidationError,
@@ -132,13 +131,17 @@ class FileOf(GroupedMetadata):
             raise refused(*error.problems) from None
 
 
-def tag_or(first: str) -> Discriminator:
-    """Return what chooses a model of a union: the tag of a mapping (`!Name`), or `first`."""
+class ByTag:
+    """A union of models, of which the tag of a mapping (`!Name`) chooses one; else the first."""
 
-    def tag(data: Any) -> str:
-        return str(data.get("_tag", first)) if isinstance(data, dict) else _tag(type(data))
+    def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        models = {_tag(model): handler.generate_schema(model) for model in typing.get_args(union)}
 
-    return Discriminator(tag)
+        def tag(data: Any) -> str:
+            first = next(iter(models))
+            return str(data.get("_tag", first)) if isinstance(data, dict) else _tag(type(data))
+
+        return core_schema.tagged_union_schema(models, tag)
 
 
 def _tag(model: type) -> str:

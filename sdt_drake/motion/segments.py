@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Tag
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import (
+    ByTag,
     NonEmpty,
     NotNegative,
     Number,
@@ -23,7 +23,6 @@ from sdt_drake.io.fields import (
     Values,
     Variant,
     field,
-    tag_or,
 )
 from sdt_drake.motion.spin import SpinGeometry
 
@@ -337,21 +336,10 @@ class Fourier(SmoothSpeed):
         return 0.0
 
 
-_Whole = (
-    Annotated[Knots, Tag("!Knots")]
-    | Annotated[Sampled, Tag("!Sampled")]
-    | Annotated[Oscillation, Tag("!Oscillation")]
-    | Annotated[Fourier, Tag("!Fourier")]
-)
-JointSegment = Annotated[_Whole, tag_or("!Knots")]
+_Whole = Knots | Sampled | Oscillation | Fourier
+JointSegment = Annotated[_Whole, ByTag()]
 """A segment that may be the whole motion of a joint."""
-AnySegment = Annotated[
-    Annotated[Ramp, Tag("!Ramp")]
-    | Annotated[Hold, Tag("!Hold")]
-    | Annotated[Turn, Tag("!Turn")]
-    | _Whole,
-    tag_or("!Ramp"),
-]
+AnySegment = Annotated[Ramp | Hold | Turn | _Whole, ByTag()]
 """A segment of a track."""
 
 

@@ -12,10 +12,9 @@ from statistics import NormalDist
 from typing import Annotated
 
 import numpy as np
-from pydantic import Tag
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import NonEmpty, Number, Positive, Problems, Variant, field, tag_or
+from sdt_drake.io.fields import ByTag, NonEmpty, Number, Positive, Problems, Variant, field
 from sdt_drake.studies.fields import Value
 
 MAX_RUNS = 10_000_000
@@ -152,15 +151,7 @@ class Choice(_Listed):
 
 
 Random = Uniform | LogUniform | Normal
-AnyDistribution = Annotated[
-    Annotated[Uniform, Tag("!Uniform")]
-    | Annotated[LogUniform, Tag("!LogUniform")]
-    | Annotated[Normal, Tag("!Normal")]
-    | Annotated[Grid, Tag("!Grid")]
-    | Annotated[List, Tag("!List")]
-    | Annotated[Choice, Tag("!Choice")],
-    tag_or("!Uniform"),
-]
+AnyDistribution = Annotated[Random | Grid | List | Choice, ByTag()]
 
 
 def _width_problems(low: float, high: float) -> Problems:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from itertools import takewhile
-from typing import Any, ClassVar, Literal, cast
+from typing import Any, ClassVar, Literal
 
 from pydrake.systems.framework import Context, System
 
@@ -24,13 +24,7 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.options import CONTROLLERS, AntiWindup, ChosenFeedforward, ControllerOptions
 
 SHIPPED: Mapping[str, type[ControllerOptions]] = {
-    "pi": Pi,
-    "pi_ctc": PiCtc,
-    "pi_id": PiId,
-    "pi_dob": PiDob,
-    "p_pi": PPi,
-    "pi_scheduled": PiScheduled,
-    "inverse_dynamics": InverseDynamics,
+    x.kind: x for x in (Pi, PiCtc, PiId, PiDob, PPi, PiScheduled, InverseDynamics)
 }
 """Options of the shipped controllers by kind."""
 
@@ -48,9 +42,7 @@ class Own(ControllerOptions):
         return self.made_by(design)
 
     def linear(self, design: Design, sample: int) -> System:
-        if isinstance(self.made_by, type):
-            return cast(type[Controller], self.made_by).linear(design, sample)
-        return super().linear(design, sample)
+        return getattr(self.made_by, "linear", super().linear)(design, sample)
 
     def start(
         self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
@@ -58,9 +50,7 @@ class Own(ControllerOptions):
         start_own(system, context, tau, start)
 
     def in_words(self, design: Design) -> str:
-        if isinstance(self.made_by, type):
-            return cast(type[Controller], self.made_by).in_words(design)
-        return self.title
+        return getattr(self.made_by, "in_words", super().in_words)(design)
 
     @property
     def title(self) -> str:
