@@ -260,6 +260,10 @@ class Along:
         plant = self._plants.get()
         try:
             course, longer = self._setting.course(plant, self._q[i], self._v[i])
+        except RuntimeError as error:  # of Drake's integrator
+            reason = " ".join(str(error).split())
+            text = f"the stop at {self._time[i]:.6g} s: the simulation is stuck ({reason})"
+            raise InputError(text) from None
         finally:
             self._plants.put(plant)
         before = self._time[:i] - self._time[i], self._g[:i]

@@ -97,12 +97,12 @@ def test_gravity_on_a_brake_is_its_share_where_the_joint_rests():
 
 def test_stops_around_the_worst_ones_find_what_stops_at_every_sample_find():
     motion = sdt.plan("post_roll").motion
-    start = len(motion.v) // 3
+    start = 1304  # the largest G is that of a stop at 6.715 s
     short = Motion.from_speeds(0.005, motion.q[start], motion.v[start : start + 81])
     few, all_ = (found(short, {"every": every}) for every in (0.1, 0.005))
     assert len(few.time) < 0.5 * len(all_.time)
     for one, other in zip(few.worst, all_.worst, strict=True):
-        assert one.value == pytest.approx(other.value, rel=1e-3, abs=1e-9), one.figure
+        assert one.value == pytest.approx(other.value, rel=1e-6), one.figure
 
 
 @pytest.mark.parametrize("deceleration", [0.3, 3.0])

@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 from scipy.io import savemat
 
+from sdt_drake.analysis.stopping import load_stopping
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Input
 from sdt_drake.io.formats import read_binary
@@ -72,6 +73,7 @@ READERS = {
     "scenario.yaml": (SCENARIO.encode(), load_scenario),
     "profile.yaml": (yaml("motions/leans.yaml"), load_profile),
     "drives.yaml": (yaml("drives.yaml"), lambda path: load_drives(path, 4)),
+    "stops.yaml": (yaml("stops.yaml"), lambda path: load_stopping(path, 4)),
     "study.yaml": (yaml("studies/monte_carlo.yaml"), read_study),
     "columns.yaml": (b"time: t\nq: [a, b]\ndelimiter: semicolon\n", load_columns),
     "recorder.yaml": (yaml("flights/recorder.yaml"), load_flight_columns),
