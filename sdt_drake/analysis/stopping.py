@@ -32,7 +32,10 @@ from sdt_drake.run.stopping import Schedule
 
 @dataclass(frozen=True)
 class StopLimits(Input):
-    """The largest allowed figures of any stop; what is not given has no limit."""
+    """The largest allowed figures of any stop; what is not given has no limit.
+
+    The energy of a brake is limited by the `energy` of its motor in the catalogue.
+    """
 
     stopping_time: EachJoint[Positive] | None = field(None, unit="s")
     """Time until each joint rests."""
@@ -59,10 +62,7 @@ class StopLimits(Input):
         return not [*given_fields(self)]
 
     def by_figure(self, brakes: Brakes) -> dict[str, Array]:
-        """Return the limits by name of the figure, SI units, shape (n,) or ().
-
-        The energy of a brake is limited where its motor's entry in the catalogue says so.
-        """
+        """Return the limits by name of the figure, SI units, shape (n,) or ()."""
         limits = {"brake_energy": brakes.energy}
         for name, value in given_fields(self):
             unit = np.radians(1.0) if name.endswith("_deg") else 1.0
