@@ -140,6 +140,7 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
         _DECELERATION * robot.effort_limit / np.diag(robot.mass_matrix(robot.context_at_zero()))
     )
     mass = _motor_masses(robot)
+    speeds = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, 1.0)
     chosen = sorted(np.argsort(-robot.effort_limit)[:_JOINTS_TO_SIZE].tolist())
     fitted = [name * bool(m) for name, m in zip(names, mass, strict=True)]
     words = {
@@ -171,7 +172,7 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
                 [_scaled(name, x) for x in _SCALES] if k in chosen else [name]
                 for k, name in enumerate(names)
             ],
-            "requirements.max_abs_speed_error": [_digits(0.05 * v, 2) for v in _usual_speed(robot)],
+            "requirements.max_abs_speed_error": [_digits(0.05 * v, 2) for v in speeds],
         },
         "stops.yaml": {
             "deceleration": [_digits(x, 2) for x in slowing.tolist()], "motors": [*names],
@@ -211,10 +212,6 @@ def _robot_text(robot: Robot, place: Path) -> str:
 
 def _scaled(name: str, scale: float) -> str:
     return name if scale == 1 else f"{name}-{scale:g}"
-
-
-def _usual_speed(robot: Robot) -> Array:
-    return np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, 1.0)
 
 
 def _motor_masses(robot: Robot) -> Array:

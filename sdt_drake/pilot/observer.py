@@ -95,8 +95,10 @@ def orientation_observer(*, model: PerceptionModel) -> Diagram:
         output_ports: [gravity, rate, acceleration]
     """
     builder = DiagramBuilder()
-    otoliths = builder.AddNamedSystem("otoliths", _otoliths(model))
-    low_pass = FirstOrderLowPassFilter(1 / (2 * pi * model.cutoff), 3)
+    lag = 2 * pi * model.cutoff
+    y = LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)  # of specific force [m/s²]
+    otoliths = builder.AddNamedSystem("otoliths", y)
+    low_pass = FirstOrderLowPassFilter(1 / lag, 3)
     filtered = builder.AddNamedSystem("low_pass", low_pass)
     senses = builder.AddNamedSystem("canals", canals(model.tau, model.tau_a))
     internal = builder.AddNamedSystem("internal_model", internal_model(model=model))
@@ -192,12 +194,6 @@ def internal_model(*, model: PerceptionModel) -> Diagram:
     builder.ExportOutput(split.get_output_port(1), "rate")
     builder.ExportOutput(acceleration.get_output_port(), "acceleration")
     return build(builder, "internal_model")
-
-
-def _otoliths(model: PerceptionModel) -> LinearSystem:
-    """Return the otoliths: from specific force [m/s²] to y [G]."""
-    lag = 2 * pi * model.cutoff
-    return LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)
 
 
 def _cross(a: NDArray[np.object_], b: NDArray[np.object_]) -> Symbols:

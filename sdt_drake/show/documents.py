@@ -128,11 +128,11 @@ def _within(blocks: Iterable[doc.Block]) -> Iterator[doc.Block]:
 
 
 def _save(content: Figure | Plots, path: Path) -> None:
-    from sdt_drake.show.panels import Plots
-    from sdt_drake.show.style import save_both
+    from sdt_drake.show.panels import Plots, picture
+    from sdt_drake.show.style import save, save_both
 
     if isinstance(content, Plots):
-        content.save_picture(path)
+        save(picture("", content.columns), path)
     else:
         save_both(content, path)
 
@@ -242,11 +242,11 @@ class _Page:
         head = [
             f"<th{look}>{self.inline(x)}</th>" for x, look in zip(table.header, styles, strict=True)
         ]
-        lines = ["<thead>", *_row(head), "</thead>", "<tbody>"]
+        lines = ["<thead>", "<tr>", *head, "</tr>", "</thead>", "<tbody>"]
         for row in table.rows:
             name, *cells = map(self.inline, row)
             values = [f"<td{look}>{x}</td>" for x, look in zip(cells, styles[1:], strict=True)]
-            lines += _row([f'<th scope="row">{name}</th>', *values])
+            lines += ["<tr>", f'<th scope="row">{name}</th>', *values, "</tr>"]
         title = f"<h3>{self.inline(table.title)}</h3>\n" if table.title else ""
         whole = "\n".join([*lines, "</tbody>"])
         return f'{title}<div class="scroll" tabindex="0"><table>\n{whole}\n</table></div>\n'
@@ -254,10 +254,6 @@ class _Page:
     def _text(self, words: str) -> str:
         text = re.sub(r"\[.{,9}\]", lambda unit: unit[0].replace(" ", "\u00a0"), html.escape(words))
         return _SYMBOL.sub(_symbol, text) if self.symbols else text
-
-
-def _row(cells: Sequence[str]) -> list[str]:
-    return ["<tr>", *cells, "</tr>"]
 
 
 def _symbol(match: re.Match[str]) -> str:

@@ -3,7 +3,6 @@
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array, Index
-from sdt_drake.show.style import Look, finish, grid, joint_title, save, style
+from sdt_drake.show.style import Look, finish, grid, joint_title, style
 
 MAX_SAMPLES = 10_000
 """Largest number of samples of a panel on a page."""
@@ -167,10 +166,6 @@ class Plots:
 
     columns: Sequence[Sequence[Panel]]
     """Columns with equal numbers of panels. A page places the panels in this order."""
-
-    def save_picture(self, png: Path) -> None:
-        """Write the picture that Markdown shows."""
-        save(picture("", self.columns), png)
 
     def data(self) -> dict[str, object]:
         """Return the data that plots.js draws."""

@@ -12,16 +12,12 @@ def _encoder(block: System) -> str:
     return f"encoder\n{1e3 * timing.period_sec():g} ms"
 
 
-def _saturation(block: System) -> str:
-    return "saturation" if block.num_input_ports() == 1 else "dynamic\nsaturation"
-
-
 SYMBOLS: Symbols = {
     "axis_process": "1 / (I_eff s)",
     "device": "",
     "disturbance": "A sin(omega_D t)",
     "drawing": "Meshcat",
-    "dynamic_saturation": _saturation,
+    "dynamic_saturation": lambda block: "dynamic\n" * (block.num_input_ports() > 1) + "saturation",
     "elastic_joints": "elastic\njoints",
     "encoder.drives": _encoder,
     "encoder.samples": _encoder,

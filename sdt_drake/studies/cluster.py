@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -69,7 +70,7 @@ class Cluster:
                 if other:
                     raise InputError(f"worker {worker} {other}", place="cluster")
             # The job is a task's result, not data: if its workers die, Dask computes it again.
-            self._job = self._client.submit(_itself, job, pure=False)
+            self._job = self._client.submit(copy, job, pure=False)
         except Exception as error:
             self.close()
             raise _input_error(error) from None
@@ -145,7 +146,3 @@ def _other_versions(job: Job) -> str:
     """Return this worker's versions that differ from the job's; "" if none does."""
     other = other_versions(versions(), job.about.versions)
     return f"has {other}; install there the versions that are used here" if other else ""
-
-
-def _itself(job: Job) -> Job:
-    return job

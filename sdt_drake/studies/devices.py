@@ -1,6 +1,5 @@
 """Uncertain devices drawn from a study, combined with another design's controller and motion."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +23,7 @@ def devices_of(design: Design, study: Study, base: Scenario, draws: int) -> list
     Raises:
         InputError: if the study varies only the controller, or a variable does not fit.
     """
-    fixed = [v for v in study.variables if not _is_of_controller(v.targets)]
+    fixed = [v for v in study.variables if all(x.type is not ControllerOptions for x in v.targets)]
     if not fixed:
         raise InputError(
             f"{study.name}: variables: vary only the controller, expected a field of the plant"
@@ -39,7 +38,3 @@ def devices_of(design: Design, study: Study, base: Scenario, draws: int) -> list
     uncertain.validate(scenario)
     rows = map(uncertain.inputs, range(min(len(uncertain), draws)))
     return [unlearned.variant(scenario.changed(uncertain.changes(scenario, row))) for row in rows]
-
-
-def _is_of_controller(targets: Sequence[object]) -> bool:
-    return any(getattr(target, "type", None) is ControllerOptions for target in targets)

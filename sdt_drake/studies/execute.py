@@ -9,16 +9,12 @@ from contextlib import closing, contextmanager
 from itertools import islice
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.results import write_results
 from sdt_drake.studies.table import pandas
-
-if TYPE_CHECKING:
-    from sdt_drake.studies.cluster import Cluster
-    from sdt_drake.studies.pool import Pool
 
 ReportRuns = Callable[[int, int, int], None]
 """Callback with three numbers of runs: done now, done before this call, in the whole study."""
@@ -57,7 +53,15 @@ def run_study(
     """
     pandas()  # writes the results: without it nothing is run
     study, inbox = job.study, SimpleQueue[Any]()
-    backend = _backend(job, workers, cluster, inbox.put)
+    backend: Pool | Cluster
+    if cluster is None:
+        from sdt_drake.studies.pool import Pool
+
+        backend = Pool(job, workers)
+    else:
+        from sdt_drake.studies.cluster import Cluster
+
+        backend = Cluster(job, cluster, inbox.put)
     with (
         _signals_into(inbox.put),
         closing(backend),
@@ -82,19 +86,6 @@ def run_study(
             submit(1)
             report(count, before, len(study))
         return write_results(store, folder)
-
-
-def _backend(
-    job: Job, workers: int, cluster: str | None, put: Callable[[Exception], None]
-) -> Pool | Cluster:
-    """Return the backend whose `submit(number, inputs)` returns the future of a row."""
-    if cluster is None:
-        from sdt_drake.studies.pool import Pool
-
-        return Pool(job, workers)
-    from sdt_drake.studies.cluster import Cluster
-
-    return Cluster(job, cluster, put)
 
 
 @contextmanager

@@ -64,11 +64,9 @@ def read_study_table(folder: Path) -> StudyTable:
 
 def _choices(study: Study) -> tuple[str, ...] | None:
     """Return `StudyTable.choices` of a study."""
-
-    def is_uncertain(field: str) -> bool:
-        return any(is_within(field, part) for part in _UNCERTAIN)
-
-    uncertain = [v for v in study.variables if any(map(is_uncertain, v.fields))]
+    uncertain = [
+        v for v in study.variables if any(is_within(x, y) for x in v.fields for y in _UNCERTAIN)
+    ]
     if any(isinstance(variable.distribution, Random) for variable in uncertain):
         return None
     return tuple(variable.name for variable in study.variables if variable not in uncertain)

@@ -96,7 +96,12 @@ class Store(AbstractContextManager["Store"]):
             )
         with self.reading():
             is_export = self.path.name == RESULTS
-            self._database = _imported(self.path) if is_export else _connected(self.path)
+            uri = f"{self.path.resolve().as_uri()}?mode=rw"
+            self._database = (
+                _imported(self.path)
+                if is_export
+                else sqlite3.connect(uri, uri=True, isolation_level=None, timeout=_LOCK_TIMEOUT)
+            )
             if any(count for (count,) in self._database.execute(_COMPUTED)):
                 raise ValueError("contains more than two tables of values")
             ((text,),) = self._database.execute("SELECT about FROM study")
@@ -227,11 +232,6 @@ def _columns(texts: Mapping[str, bool], outcomes: Sequence[str]) -> dict[str, st
 def _describe(database: sqlite3.Connection, about: str) -> None:
     database.execute("CREATE TABLE study (about TEXT)")
     database.execute("INSERT INTO study VALUES (?)", (about,))
-
-
-def _connected(path: Path) -> sqlite3.Connection:
-    uri = f"{path.resolve().as_uri()}?mode=rw"
-    return sqlite3.connect(uri, uri=True, isolation_level=None, timeout=_LOCK_TIMEOUT)
 
 
 def _imported(results: Path) -> sqlite3.Connection:

@@ -50,13 +50,9 @@ def reasons(table: StudyTable, status: str) -> pd.DataFrame:
         differs between its runs; `runs`, their number; `row`, the number of the first.
     """
     texts = table.runs["reason"][table.status == status].rename("reason")
-    alike = texts[texts != ""].groupby(texts.map(_without_numbers), sort=False)
+    alike = texts[texts != ""].groupby(texts.str.replace(_NUMBER, "…", regex=True), sort=False)
     found = alike.agg([("reason", _common), ("runs", "size"), ("row", lambda own: own.index[0])])
     return found.sort_values("runs", ascending=False, kind="stable", ignore_index=True)
-
-
-def _without_numbers(text: str) -> str:
-    return _NUMBER.sub("…", text)
 
 
 def _common(texts: Iterable[str]) -> str:

@@ -97,23 +97,21 @@ def _verdict(
         if not values[motion] <= limit + _ROUND_OFF:  # true for NaN, too
             missed.append(_missed(name, *worst[name], limit))
             beyond.append(name)
+    used = {}
+    for name, (value, _) in worst.items():
+        limit = sizing.limits[name]
+        used[name] = value / limit if limit > 0 else 0.0 if value <= 0 else math.inf
     return Verdict(
         candidate=candidate,
         controller=controller,
         mass=math.fsum(map(sizing.masses.__getitem__, candidate.motors)),  # exact in any order
         error=max(run["error"] for run in ran.values()) if len(ran) == len(runs) else math.nan,
         worst=worst,
-        used={name: _share(value, sizing.limits[name]) for name, (value, _) in worst.items()},
+        used=used,
         missed=tuple(missed),
         beyond=tuple(beyond),
         judged=all(run["status"] in ANSWERS for run in runs.values()),
     )
-
-
-def _share(value: float, limit: float) -> float:
-    if limit > 0:
-        return value / limit
-    return 0.0 if value <= 0 else math.inf
 
 
 def _missed(name: str, value: float, motion: str, limit: float) -> str:

@@ -48,17 +48,6 @@ class Judged(Shown):
         return of_joints(title, columns, self.robot.joint_names)
 
 
-def load_friction(path: str | Path, robot: Robot) -> Friction:
-    """Load the friction of a robot from a file such as `identify` writes.
-
-    Raises:
-        InputError: The file is bad, or has another number of joints.
-    """
-    friction, file = load_yaml(Friction, path)
-    check_joints(friction, file, robot.n)
-    return friction
-
-
 def judge(
     robot: Robot | str | Path,
     recordings: Recordings,
@@ -101,7 +90,9 @@ def judge(
         positive(cutoff, "cutoff")
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     if friction is not None and not isinstance(friction, Friction):
-        friction = load_friction(a_path(friction, "friction"), robot)
+        loaded, file = load_yaml(Friction, a_path(friction, "friction"))
+        check_joints(loaded, file, robot.n)
+        friction = loaded
     recorded = recordings_of(recordings, "recordings", robot, columns, side=side)
     if not recorded:
         raise InputError("none given, expected at least one", place="recordings")

@@ -69,11 +69,6 @@ class LearningFilter:
             below = np.where(self.lowest > 0, (self.lowest / omega[:, None]) ** _ORDER, 0.0)
         return np.asarray(1 / ((1 + (omega[:, None] / cut) ** _ORDER) * (1 + below)))
 
-    def contraction(self, response: Complex) -> Complex:
-        """Return Q (1 - L G) of a loop with the response G over `omega`, shape (m, n, n)."""
-        robust, n = self.robustness(self.omega), len(self.bandwidth)
-        return np.asarray(robust[:, :, None] * (np.eye(n) - self.inverse[:, :, None] * response))
-
     def next(self, learned: Array, error: Array) -> Array:
         """Return the learned signal of the next trial, shape (N + 1, n).
 
@@ -221,10 +216,10 @@ class Convergence:
 
 def convergence(filter_: LearningFilter, loops: LoopSet) -> Convergence:
     """Return the convergence of a filter for a set of linear, time-invariant loops."""
-    share = np.zeros((len(filter_.omega), len(filter_.bandwidth)))
-    together = np.zeros(len(filter_.omega))
+    n, robust = len(filter_.bandwidth), filter_.robustness(filter_.omega)[:, :, None]
+    share, together = np.zeros((len(filter_.omega), n)), np.zeros(len(filter_.omega))
     for response in loops.responses:
-        left = filter_.contraction(response)
+        left = robust * (np.eye(n) - filter_.inverse[:, :, None] * response)  # Q (1 - L G)
         share = np.maximum(share, np.abs(_own(left)))
         together = np.maximum(together, np.abs(np.linalg.eigvals(left)).max(axis=1))
     return Convergence(loops, share, together)

@@ -16,29 +16,19 @@ from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, style
 DEVICE = Look(PALETTE[5])
 
 
-def _beside(label: str, x: Array, flown: Array, device: Array, title: str = "") -> Panel:
+def _beside(title: str, label: str, x: Array, flown: Array, device: Array) -> Panel:
     lines = [Line("flight", LOOKS["reference"], flown), Line("device", DEVICE, device)]
     return Panel(title, "time [s]", label, x, lines)
 
 
 def force_panels(candidate: Candidate) -> list[Panel]:
     """Make the panels of resultant G and of specific force along each axis of the head."""
-    flown, own = (
-        candidate.flight.at(candidate.time)[0] / GRAVITY,
-        candidate.head.specific_force / GRAVITY,
-    )
-    panels = [
-        _beside(
-            "G",
-            candidate.time,
-            np.linalg.norm(flown, axis=1),
-            np.linalg.norm(own, axis=1),
-            "resultant",
-        )
+    time = candidate.time
+    both = np.array([candidate.flight.at(time)[0], candidate.head.specific_force]) / GRAVITY
+    return [
+        _beside("resultant", "G", time, *np.linalg.norm(both, axis=2)),
+        *(_beside(x, "force [G]", time, *both[:, :, k]) for k, x in enumerate(CHANNELS[3:])),
     ]
-    for k, name in enumerate(CHANNELS[3:]):
-        panels.append(_beside("force [G]", candidate.time, flown[:, k], own[:, k], name))
-    return panels
 
 
 def attitude_panels(flown: CueingResult) -> list[Panel]:
@@ -69,7 +59,7 @@ def rotation_panels(candidate: Candidate) -> list[Panel]:
     for k, name in enumerate(CHANNELS[:3]):
         felt = Line("felt error", Look(PALETTE[2]), np.degrees(candidate.felt_rate_error[:, k]))
         both = np.degrees(flown[:, k]), np.degrees(own[:, k])
-        panel = _beside("rate [deg/s]", candidate.time, *both, name)
+        panel = _beside(name, "rate [deg/s]", candidate.time, *both)
         panels.append(replace(panel, lines=[*panel.lines, felt]))
     return panels
 

@@ -1,5 +1,7 @@
 """Figures of an identified robot: torques, torque not explained, and friction."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -16,11 +18,6 @@ MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PA
 _MAX_DOTS = 800  # of a joint, as each is an element of the .svg
 
 
-def identification_title(found: Identified) -> str:
-    """Return the title of the figures: the robot that was identified."""
-    return f"{found.nominal.name} identified"
-
-
 def torques_figure(found: Identified) -> Figure:
     """Draw measured and predicted torques, and the torque not explained, a row for each joint."""
     eq, time = found.equations, _running_time(found)
@@ -30,14 +27,11 @@ def torques_figure(found: Identified) -> Figure:
         ("file as it is", NOMINAL, eq.nominal),
     ]
     left = [("measured - identified", ERROR, eq.tau - found.predicted)]
-    names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
-    torques = over_time(
-        "torque [N m], joint side", time, lines, names, marked=held, marked_label=why
-    )
-    errors = over_time(
-        "not explained\n[N m], joint side", time, left, marked=held, marked_label=why
-    )
-    return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
+    names, held = found.nominal.joint_names, dict[str, Any](marked=~eq.fit[:, None])
+    held["marked_label"] = "held out"
+    torques = over_time("torque [N m], joint side", time, lines, names, **held)
+    errors = over_time("not explained\n[N m], joint side", time, left, **held)
+    return picture(f"{found.nominal.name} identified: torques, joint side", [torques, errors])
 
 
 def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
@@ -58,11 +52,8 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
                   [Line("measured - identified", ERROR, left, dots=True)])
         )  # fmt: skip
         grid = np.linspace(v[0], v[-1], 400)
-        terms = estimate.laws[k].terms
-        torque = (
-            np.column_stack([term.at(grid, 1e-3) for term in terms])
-            @ (found.friction[estimate.friction_of(k)])
-        )
+        terms = np.column_stack([term.at(grid, 1e-3) for term in estimate.laws[k].terms])
+        torque = terms @ found.friction[estimate.friction_of(k)]
         in_files = sliding_friction(own, grid[:, None] * np.ones(eq.n)) + np.outer(grid, damping)
         law = [
             Line("friction in table and scenario", MEASURED, in_files[:, k]),
@@ -70,7 +61,7 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
         ]
         laws.append(Panel("", "speed [rad/s]", "friction [N m], joint side", grid, law))
     return picture(
-        f"{identification_title(found)}: torque not explained, and friction, over speed",
+        f"{found.nominal.name} identified: torque not explained, and friction, over speed",
         [errors, laws],
     )
 

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.io.arguments import chosen_joints, typed
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
 from sdt_drake.run.motor_torque import arrived, motor_limits, torque_limits
@@ -57,7 +56,9 @@ def joint_columns(
     """
     run, torques = recording, [("motor torque", MOTOR_TORQUE, recording.tau)]
     if design is not None:
-        lower, upper = limits_along(run, design)
+        # With elastic joints, the motor speed is approximated by link speed times gear ratio.
+        newest, shape = arrived(design, run.time), run.v.shape
+        lower, upper = (np.broadcast_to(x, shape) for x in torque_limits(design, newest, run.v))
         limits = [("limits of the motor", LIMIT, upper), ("_lower limit", LIMIT, lower)]
         torques = limits + torques
     speeds = [("reference", LOOKS["reference"], run.v_ref), ("achieved", ACHIEVED, run.v)]
@@ -102,16 +103,6 @@ def probe_panels(recording: Recording) -> dict[str, list[Panel]]:
 
 
 SATURATED = "saturated: less torque than commanded"
-
-
-def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
-    """Return the least and the largest torque along a run, motor side [N m], each (N + 1, n).
-
-    With elastic joints, the motor speed is approximated by link speed times gear ratio.
-    """
-    newest = arrived(design, recording.time)
-    lower, upper = torque_limits(design, newest, recording.v)
-    return np.broadcast_to(lower, recording.v.shape), np.broadcast_to(upper, recording.v.shape)
 
 
 def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:

@@ -23,7 +23,7 @@ from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.arrays import Array
 from sdt_drake.show.style import PALETTE, finish, grid, looks_of, plain_numbers, style
 from sdt_drake.studies.summary import percentiles, sensitivity, tornado, values_of
-from sdt_drake.studies.table import StudyTable, is_text
+from sdt_drake.studies.table import StudyTable, is_text, pandas
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +63,7 @@ def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Fig
                 _distribution(ax, parts, name)
                 ax.set_title(table.place(name) or WHOLE_DEVICE, loc="left")
                 ax.set_xlabel(metric_of(family).label)
-                scale(ax, "x", _shown(table, name))
+                scale(ax, "x", metric_of(name).factor * values_of(table, name))
             for ax in row[len(members) :]:
                 ax.set_axis_off()
             row[0].set_ylabel("runs at or below [%]")
@@ -126,11 +126,8 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
 
 def _ordered(swings: Sequence[pd.DataFrame]) -> list[str]:
     """Return the names of inputs; those with the largest sum of relative swings come first."""
-    total: dict[str, float] = {}
-    for width in (own["width"] for own in swings):
-        for name, share in (width / (width.max() or 1)).items():
-            total[name] = total.get(name, 0) + share
-    return sorted(total, key=lambda name: -total[name])
+    widths = pandas().concat([own["width"] / (own["width"].max() or 1) for own in swings], axis=1)
+    return [*widths.sum(axis=1).sort_values(ascending=False, kind="stable").index]
 
 
 def _bars(
@@ -241,12 +238,9 @@ def influential(table: StudyTable, outcomes: Iterable[str]) -> list[str]:
         table: the table of the study.
         outcomes: outcomes or families.
     """
-    best: dict[str, float] = {}
-    for outcome in outcomes:
-        for part in table.groups.values():
-            for name, share in sensitivity(part, outcome)["value"].items():
-                best[name] = max(best.get(name, 0), np.nan_to_num(share))
-    return sorted(best, key=lambda name: -best[name])[:MAX_PANELS]
+    shares = [sensitivity(part, x)["value"] for x in outcomes for part in table.groups.values()]
+    best = pandas().concat(shares or [pandas().Series(dtype=float)], axis=1).max(axis=1).fillna(0)
+    return [*best.sort_values(ascending=False, kind="stable").index[:MAX_PANELS]]
 
 
 # --- parts of all figures --------------------------------------------------------------------
@@ -255,11 +249,6 @@ def influential(table: StudyTable, outcomes: Iterable[str]) -> list[str]:
 def _members(table: StudyTable, family: str) -> list[str]:
     """Return the outcomes of a family, one for each joint, or the family itself without joints."""
     return [f"{family}_{k}" for k in table.joints(family)] or [family]
-
-
-def _shown(table: StudyTable, name: str) -> pd.Series:
-    """Return an outcome of the runs that have it, in the unit of the figures."""
-    return metric_of(name).factor * values_of(table, name)
 
 
 def outcome_label(table: StudyTable, name: str) -> str:

@@ -84,7 +84,13 @@ def _best(sizing: Sizing, answers: Sequence[dict[str, Any]], count: int) -> Mark
         "requirements in {}; {} of {} sets do.",
         _set(best["chosen"]),
         best["chosen"].mass,
-        listed([x["label"] for x in answers if _same(x["chosen"], best["chosen"])]),
+        listed(
+            [
+                x["label"]
+                for x in answers
+                if x["chosen"] and x["chosen"].candidate == best["chosen"].candidate
+            ]
+        ),
         ", ".join(map(short_name, sizing.motions)),
         best["kept"],
         count,
@@ -181,10 +187,6 @@ def _heavy(answer: dict[str, Any]) -> tuple[float, float]:
     """Return the key by which answers are sorted: mass, then error."""
     chosen = answer["chosen"]
     return (chosen.mass, chosen.error) if chosen else (math.inf, math.inf)
-
-
-def _same(one: Verdict | None, other: Verdict) -> bool:
-    return one is not None and one.candidate == other.candidate
 
 
 def _fields(sizing: Sizing, verdict: Verdict) -> str:

@@ -187,12 +187,11 @@ def finding(table: StudyTable, family: str) -> tuple[doc.Marked, bool]:
             continue
         where = doc.said(" with {:code}", level) if table.by else ""
         limits.append(doc.said("{:.3g}{}", value, where))
-        shares = study_tables.shares_of(part, family)
-        name, share = next(iter(shares.items()), ("", summary.Share(0, 0)))
-        if len(shares) > 1 and share.value > max(_MIN_SHARE, 2 * share.error):
-            causes.setdefault(name, []).append(
-                doc.said("{} %{}", study_tables.percent_of(share), where)
-            )
+        shares = summary.sensitivity(part, family)
+        name, share, error = next(shares.itertuples(name=None), ("", 0, 0))
+        if len(shares) > 1 and share > max(_MIN_SHARE, 2 * error):
+            percent = study_tables.percent_of(share, error)
+            causes.setdefault(name, []).append(doc.said("{} %{}", percent, where))
     text = doc.said(
         "**{}:** at most {} in 95 % of {}.",
         doc.capital(", ".join(filter(None, [metric_of(family).label, table.place(family)]))),
@@ -202,9 +201,8 @@ def finding(table: StudyTable, family: str) -> tuple[doc.Marked, bool]:
     if not causes:
         return text, False
     named = [doc.said("{:code} ({})", name, doc.joined(shares)) for name, shares in causes.items()]
-    return doc.joined(
-        [text, doc.said("It depends most on {}.", doc.Marked(listed(named)))], " "
-    ), True
+    depends = doc.said("It depends most on {}.", doc.Marked(listed(named)))
+    return doc.joined([text, depends], " "), True
 
 
 def _by_joint(table: StudyTable, tables: Callable[[list[str]], list[doc.Table]]) -> list[doc.Block]:

@@ -1,16 +1,15 @@
 """Tables of a study."""
 
 from collections.abc import Iterable, Sequence
-from itertools import chain
 
 import numpy as np
 
 from sdt_drake.analysis.metrics import family_of, metric_of
+from sdt_drake.io.shown import formatted
 from sdt_drake.show.sections import Table
 from sdt_drake.studies import summary
-from sdt_drake.studies.table import StudyTable
+from sdt_drake.studies.table import StudyTable, pandas
 
-_UNKNOWN = summary.Share(np.nan, np.nan)
 _MAX_REASONS = 3  # of a status in a table
 
 
@@ -95,33 +94,17 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
     """
     tables = []
     for level, part in table.groups.items():
-        columns = [shares_of(part, name) for name in names]
-        by_input = {
-            key: [shares.get(key, _UNKNOWN) for shares in columns] for key in chain(*columns)
-        }
-        if len(by_input) > 1:
-            ordered = sorted(by_input.items(), key=lambda item: -np.nan_to_num(_sum(item[1])))
-            rows = [[key, *map(percent_of, shares)] for key, shares in ordered]
-            sums = (_sum(shares.values()) for shares in columns)
-            rows.append(["sum", *("–" if np.isnan(x) else f"{100 * x:.0f}" for x in sums)])
+        found = pandas().concat({x: summary.sensitivity(part, x) for x in names}, axis=1)
+        if len(found) > 1:
+            shares = found.xs("value", axis=1, level=1).clip(lower=0)  # estimates may be negative
+            order = shares.sum(axis=1).sort_values(ascending=False, kind="stable").index
+            rows = [[key, *(percent_of(*found.loc[key, x]) for x in names)] for key in order]
+            sums = shares.sum(min_count=1)
+            rows.append(["sum", *(formatted(100 * x, ".0f") for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
             title = f"Variance explained by each input alone [%], {level}"
             tables.append(Table(header, rows, title))
     return tables
-
-
-def shares_of(table: StudyTable, outcome: str) -> dict[str, summary.Share]:
-    """Return the shares of `sensitivity` by input."""
-    found = summary.sensitivity(table, outcome)
-    return dict(
-        zip(found.index, map(summary.Share._make, found.itertuples(index=False)), strict=True)
-    )
-
-
-def _sum(shares: Iterable[summary.Share]) -> float:
-    """Add shares, with negative estimates as 0; NaN without any."""
-    known = [max(share.value, 0) for share in shares if np.isfinite(share.value)]
-    return sum(known) if known else np.nan
 
 
 def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
@@ -130,11 +113,9 @@ def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
     return metric_of(name).title if len(titles) == len(names) else table.place(name)
 
 
-def percent_of(share: summary.Share) -> str:
+def percent_of(share: float, error: float) -> str:
     """Format a share of the variance and its standard error [%]; a dash if it is unknown."""
-    if np.isnan(share.value):
-        return "–"
-    return f"{100 * max(share.value, 0):.0f} ± {100 * share.error:.0f}"
+    return "–" if np.isnan(share) else f"{100 * max(share, 0):.0f} ± {100 * error:.0f}"
 
 
 def cell(value: float | str) -> str:
