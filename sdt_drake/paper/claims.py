@@ -4,7 +4,7 @@ Statements and reasons are in claims.yaml.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
 from pathlib import Path
@@ -64,39 +64,28 @@ class Claim:
     """Reason of the verdict, in one or two sentences."""
 
 
-@dataclass(frozen=True)
-class _Found:
-    """A computed value of a claim."""
-
-    id: str
-    """Short name of the claim."""
-    computed: object
-    """The value computed here."""
-    holds: bool
-    """True if the value supports the claim."""
-    published: object = None
-    """The paper's value; None where claims.yaml has it."""
-    numbers: Mapping[str, object] = field(default_factory=dict)
-    """Numbers that fill the braces in the texts of claims.yaml."""
+_Found = tuple[str, object, bool, Mapping[str, object]]
+"""Id of a claim, its computed value, whether that supports the claim, and numbers for its texts;
+"published" is the paper's value where claims.yaml has none."""
 
 
 def judge_claims(results: Reproduction) -> list[Claim]:
     """Return all claims of the paper with their verdicts, in the order of the paper."""
     finders = (_figure4, _table1, _frequencies, _algorithm1, _tracking, _inertia, _coupled)
-    found = {f.id: f for find in finders for f in find(results)}
+    found = {one[0]: one[1:] for find in finders for one in find(results)}
     claims = []
     for text in _texts():
-        own = found[text["id"]]
-        numbers = {"unpublished": _UNPUBLISHED, **own.numbers}
+        computed, holds, own = found[text["id"]]
+        numbers = {"unpublished": _UNPUBLISHED, **own}
         claims.append(
             Claim(
-                id=own.id,
+                id=text["id"],
                 kind=text.get("kind", OF_THE_PAPER),
                 place=text["place"],
                 statement=text["statement"].format_map(numbers),
-                published=text.get("published", own.published),
-                computed=own.computed,
-                verdict=REPRODUCED if own.holds else text.get("otherwise", NOT_REPRODUCED),
+                published=text.get("published", own.get("published")),
+                computed=computed,
+                verdict=REPRODUCED if holds else text.get("otherwise", NOT_REPRODUCED),
                 why=text["why"].format_map(numbers),
             )
         )
@@ -133,7 +122,8 @@ def _figure4(results: Reproduction) -> Iterator[_Found]:
             abs(computed[name] - value) <= max(STEP_TOLERANCE * value, half_digit[name])
             for name, value in published.items()
         )
-        yield _Found(f"figure4_{structure}", computed, holds, published, {"zeta": step.zeta})
+        numbers = {"published": published, "zeta": step.zeta}
+        yield f"figure4_{structure}", computed, holds, numbers
 
 
 def _table1(results: Reproduction) -> Iterator[_Found]:
@@ -142,12 +132,12 @@ def _table1(results: Reproduction) -> Iterator[_Found]:
         computed = [row[key] for row in rows]
         agree = list(map(agrees_as_printed, computed, paper.TABLE1[key]))
         agreeing = ", ".join(str(k + 1) for k in np.flatnonzero(agree))
-        published = paper.table1(key)
-        yield _Found(f"table1_{key}", computed, all(agree), published, {"agreeing": agreeing})
+        numbers = {"published": paper.table1(key), "agreeing": agreeing}
+        yield f"table1_{key}", computed, all(agree), numbers
     for row, printed in zip(rows, paper.TABLE1["variation_percent"], strict=True):
-        variation = row["variation_percent"]
+        variation, of_paper = row["variation_percent"], {"published": float(printed)}
         holds = agrees_as_printed(variation, printed)
-        yield _Found(f"variation_joint_{row['joint']}", variation, holds, float(printed))
+        yield f"variation_joint_{row['joint']}", variation, holds, of_paper
 
 
 def _frequencies(results: Reproduction) -> Iterator[_Found]:
@@ -155,10 +145,10 @@ def _frequencies(results: Reproduction) -> Iterator[_Found]:
     at_max = inertia.maximum
     ratio = oscillation_frequency(gains, at_max)[0] / natural_frequency(gains, at_max)[0]
     printed = paper.OMEGA_0_OVER_OMEGA_N
-    yield _Found("omega_0k", float(ratio), agrees_as_printed(ratio, printed), float(printed))
+    holds = agrees_as_printed(ratio, printed)
+    yield "omega_0k", float(ratio), holds, {"published": float(printed)}
     highest = natural_frequency(gains, inertia.minimum) / paper.OMEGA_R
-    holds = bool(np.all(highest <= 0.5 * (1 + 1e-9)))
-    yield _Found("bandwidth_rule", highest.tolist(), holds)
+    yield "bandwidth_rule", highest.tolist(), bool(np.all(highest <= 0.5 * (1 + 1e-9))), {}
 
 
 # --- Algorithm 1 -----------------------------------------------------------------------------
@@ -178,9 +168,9 @@ def _algorithm1(results: Reproduction) -> Iterator[_Found]:
     share, share_moving = third.mean(axis=0), (third & (own != 0)).mean(axis=0)
     computed = worst | {"share_of_samples": share.tolist()}
     numbers = {"moving": ", ".join(f"{100 * s:.1f}" for s in share_moving)}
-    yield _Found("algorithm1_split", computed, worst["printed"] < 1e-6, numbers=numbers)
+    yield "algorithm1_split", computed, worst["printed"] < 1e-6, numbers
     helps = design["printed"].loads.alleviating_torque * design["printed"].reference.tracked.vd >= 0
-    yield _Found("alleviating_sign", bool(helps.all()), bool(helps.all()))
+    yield "alleviating_sign", bool(helps.all()), bool(helps.all()), {}
 
 
 # --- Section 4, Figures 7 and 8 --------------------------------------------------------------
@@ -192,45 +182,31 @@ def _tracking(results: Reproduction) -> Iterator[_Found]:
     _, gain_2, gain_3, _ = error_pi / error_ctc
     consistent = {name: _joint_2(results.axis(name, "consistent")) for name in ("pi", "pi_ctc")}
     gain_consistent = consistent["pi"] / consistent["pi_ctc"]
-    yield _Found(
-        "ctc_improves_tracking",
-        {"pi": error_pi.tolist(), "pi_ctc": error_ctc.tolist()},
-        bool(np.all(error_ctc <= error_pi * 1.001) and np.any(error_ctc < 0.5 * error_pi)),
-        numbers={"gain_2": gain_2, "gain_3": gain_3, "gain_consistent": gain_consistent},
-    )
+    errors = {"pi": error_pi.tolist(), "pi_ctc": error_ctc.tolist()}
+    holds = bool(np.all(error_ctc <= error_pi * 1.001) and np.any(error_ctc < 0.5 * error_pi))
+    numbers = {"gain_2": gain_2, "gain_3": gain_3, "gain_consistent": gain_consistent}
+    yield "ctc_improves_tracking", errors, holds, numbers
     share_pi, share_ctc = _share_of_speed(pi), _share_of_speed(ctc)
-    yield _Found(
-        "pi_small_steady_error",
-        _steady(pi),
-        all(share_ctc[name] < share_pi[name] < 10 for name in share_pi),
-        numbers=share_pi,
-    )
+    holds = all(share_ctc[name] < share_pi[name] < 10 for name in share_pi)
+    yield "pi_small_steady_error", _steady(pi), holds, share_pi
     holds = all(share < 1 for share in share_ctc.values())
-    yield _Found("ctc_zero_steady_error", _steady(ctc), holds, numbers=share_ctc)
+    yield "ctc_zero_steady_error", _steady(ctc), holds, share_ctc
     jump, lead = _jump_before_peak(pi, joint=1)
-    yield _Found(
-        "joint2_errors_from_load_jumps",
-        {"jump": jump, "seconds_before_peak": lead},
-        jump > 1000,
-        numbers={"consistent": consistent["pi"]},
-    )
+    jumps, numbers = {"jump": jump, "seconds_before_peak": lead}, {"consistent": consistent["pi"]}
+    yield "joint2_errors_from_load_jumps", jumps, jump > 1000, numbers
 
 
 def _inertia(results: Reproduction) -> Iterator[_Found]:
     for process, published in paper.JOINT2_PI_MAX_ERROR.items():
         computed = _joint_2(results.axis("pi", process=process))
         holds = abs(computed / published - 1) < 0.02
-        yield _Found(f"joint2_pi_error_{process}", computed, holds, published)
+        yield f"joint2_pi_error_{process}", computed, holds, {"published": published}
     change = _change(results, "pi", "printed")
-    others = np.delete(change, 1)
-    yield _Found(
-        "deterioration_at_i_eff_min",
-        change.tolist(),
-        bool(np.all(others < 2) and change[1] > 10),
-        numbers={"consistent": _change(results, "pi", "consistent")[1]},
-    )
+    holds = bool(np.all(np.delete(change, 1) < 2) and change[1] > 10)
+    numbers = {"consistent": _change(results, "pi", "consistent")[1]}
+    yield "deterioration_at_i_eff_min", change.tolist(), holds, numbers
     with_ctc = float(_change(results, "pi_ctc", "printed")[1])
-    yield _Found("ctc_insensitive_to_inertia", with_ctc, abs(with_ctc) < 1)
+    yield "ctc_insensitive_to_inertia", with_ctc, abs(with_ctc) < 1, {}
 
 
 # --- beyond the paper: the coupled plant -----------------------------------------------------
@@ -245,22 +221,18 @@ def _coupled(results: Reproduction) -> Iterator[_Found]:
     largest = {name: run.tracking.max_abs_speed_error.tolist() for name, run in runs.items()}
     of_joint_2 = {name: errors[1] for name, errors in largest.items()}
     gain = of_joint_2["pi"] / of_joint_2["pi_ctc"]
-    printed = of_joint_2["pi_ctc_printed_sign"] / of_joint_2["pi"]
-    numbers = {"gain": gain, "printed": printed}
-    yield _Found("ctc_on_coupled_plant", largest, gain >= 2, numbers=numbers)
+    numbers = {"gain": gain, "printed": of_joint_2["pi_ctc_printed_sign"] / of_joint_2["pi"]}
+    yield "ctc_on_coupled_plant", largest, gain >= 2, numbers
     steady = {name: _steady(run) for name, run in runs.items()}
     pi, ctc = steady["pi"], steady["pi_ctc"]
-    yield _Found(
-        "ctc_steady_on_coupled_plant",
-        steady,
-        all(share < 1 for share in _share_of_speed(runs["pi_ctc"]).values()),
-        numbers={
-            "less_2": pi["joint 2"] / ctc["joint 2"],
-            "less_4": pi["joint 4"] / ctc["joint 4"],
-            "less_middle": _middle_error(runs["pi"]) / _middle_error(runs["pi_ctc"]),
-            "printed": steady["pi_ctc_printed_sign"]["joint 2"] / pi["joint 2"],
-        },
-    )
+    holds = all(share < 1 for share in _share_of_speed(runs["pi_ctc"]).values())
+    numbers = {
+        "less_2": pi["joint 2"] / ctc["joint 2"],
+        "less_4": pi["joint 4"] / ctc["joint 4"],
+        "less_middle": _middle_error(runs["pi"]) / _middle_error(runs["pi_ctc"]),
+        "printed": steady["pi_ctc_printed_sign"]["joint 2"] / pi["joint 2"],
+    }
+    yield "ctc_steady_on_coupled_plant", steady, holds, numbers
 
 
 # --- numbers that several claims need --------------------------------------------------------

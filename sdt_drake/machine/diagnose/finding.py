@@ -1,47 +1,21 @@
 """Finding: something that a recording shows, with its evidence in numbers and in a sentence."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from functools import cache
+from pathlib import Path
+from string import Formatter
+from typing import Any
 
-Kind = Literal[
-    "uneven", "rounded", "missing", "held", "repeated", "frozen", "clipped", "degrees", "clock",
-    "speeds", "late speeds", "at limit", "beyond limit",
-    "unit", "columns",
-    "still", "driving", "late torques", "residual", "held out", "inconsistent", "excitation",
-    "scenario", "controller",
-    "noise", "converged", "limited", "assumed",
-    "reading",
-]  # fmt: skip
-"""Kind of a finding.
-
-- A recording alone: steps of time differ (uneven), times were rounded or taken on writing
-  (rounded), samples are missing, each value is repeated for several samples (held), some samples
-  repeat the one before (repeated), a signal stands for a while (frozen), a torque is cut off
-  (clipped), positions are in degrees, a second of the clock is none (clock), a speed is not the
-  derivative of its position (speeds) or lags behind it (late speeds), a motor is at its limit, a
-  torque is far beyond it.
-- Its columns and units, by the robot's links: torques or quantities of a flight have another unit;
-  columns or axes have another order, sign, zero or direction (columns).
-- What a fit leaves: a joint stands still, friction drives instead of braking, torques lag behind
-  positions (late torques), rigid links and friction do not explain a torque, and something does
-  (residual), held-out data are explained far worse than fitted data, links that can exist explain a
-  torque worse than free parameters (inconsistent), the motion hardly excites some parameters.
-- What a simulation of it leaves: one change explains a recording better (scenario), the controller
-  commands another torque than the recorded one.
-- Repeated trials of one motion: the error that repeats is below the noise, the last trial hardly
-  reduced it (converged), a limit shortens the next step (limited), the reference was not recorded,
-  so one is assumed.
-- How the file was read: a part was left out or changed (reading).
-"""
+import yaml  # a dependency of Drake
 
 
 @dataclass(frozen=True)
 class Finding:
     """Something that a recording shows; `str` gives it in words."""
 
-    kind: Kind
-    """Kind of the finding."""
+    kind: str
+    """One of the kinds in findings.yaml."""
     sentence: str
     """The finding as a sentence without its end."""
     joints: tuple[int, ...] = ()
@@ -61,3 +35,31 @@ class Finding:
     def __str__(self) -> str:
         text = f"{self.source}: {self.sentence}" if self.source else self.sentence
         return f"{text} ({self.remedy} in the mapping file)" if self.remedy else text
+
+
+def finding(name: str, joints: Sequence[int] = (), remedy: str = "", **values: Any) -> Finding:
+    """Return the finding that findings.yaml has by a name.
+
+    Args:
+        name: A kind, or "kind/case".
+        joints: The joints that show it, from 1; the sentence names the first of them.
+        remedy: The remedy as an entry of the mapping file.
+        values: Evidence and words of the sentence by name; the numbers are the evidence.
+    """
+    sentence = _Words().format(kinds()[name]["sentence"], joint=[*joints, 0][0], **values)
+    evidence = {x: y for x, y in values.items() if not isinstance(y, str)}
+    return Finding(name.partition("/")[0], sentence, tuple(joints), evidence, remedy)
+
+
+@cache
+def kinds() -> Any:
+    """Return the content of findings.yaml: kinds and cases by name, with sentences."""
+    return yaml.safe_load(Path(__file__).with_name("findings.yaml").read_text(encoding="utf-8"))
+
+
+class _Words(Formatter):
+    def format_field(self, value: Any, spec: str) -> str:
+        if spec.endswith("%"):
+            spec = spec[:-1] if spec[-2:-1].isalpha() else f"{spec[:-1]}f"
+            return f"{100 * value:{spec}} %"
+        return f"{1e3 * value:{spec[:-1]}}" if spec.endswith("m") else f"{value:{spec}}"

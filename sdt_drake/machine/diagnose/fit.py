@@ -8,7 +8,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.explained import like_friction, over_largest, share_explained
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.diagnose.residual import delay_of, unexplained
 from sdt_drake.machine.identify.base_parameters import rigid_columns
 from sdt_drake.machine.identify.equations import Equations
@@ -79,26 +79,19 @@ def worse_held_out(robot: Robot, eq: Equations, predicted: Array) -> Iterator[Fi
     evidence = dict(zip(("payload", "friction"), shares.values(), strict=True))
     evidence |= {f"held_out_{k + 1}": float(held_out[k] / size[k]) for k in worse}
     evidence |= {f"fitted_{k + 1}": float(fitted[k] / size[k]) for k in worse}
-    yield Finding(
-        "held out", f"held-out data: not explained are {joints}: {cause}",
-        tuple(k + 1 for k in worse), evidence,
-    )  # fmt: skip
+    yield finding("held out", [k + 1 for k in worse], left=joints, cause=cause, **evidence)
 
 
 def standing_still(eq: Equations) -> Iterator[Finding]:
     """Yield joints that stand still in all, fitted or held-out data."""
-    unknown = "its friction and motor are not identified"
     for k, moves in enumerate(eq.moves.T):
-        if moves.mean() < c.MOVES_SHARE:
-            text = f"still: {unknown}"
+        share = float(moves.mean())
+        if share < c.MOVES_SHARE:
+            yield finding("still", (k + 1,), moving=share)
         elif not np.any(moves[~eq.fit]):
-            text = "still in the held-out data: its torque is not validated"
+            yield finding("still/held out", (k + 1,), moving=share)
         elif not np.any(moves[eq.fit]):
-            text = f"still in the fitted data: {unknown}"
-        else:
-            continue
-        share = {"moving": float(moves.mean())}
-        yield Finding("still", f"joint {k + 1} stands {text}", (k + 1,), share)
+            yield finding("still/fitted", (k + 1,), moving=share)
 
 
 def driving(eq: Equations, estimate: Estimate) -> Iterator[Finding]:
@@ -117,10 +110,8 @@ def driving(eq: Equations, estimate: Estimate) -> Iterator[Finding]:
         drives = -float(power @ estimate.friction[part])
         error = float(np.sqrt(power @ estimate.covariance[r:, r:][part, part] @ power))
         if drives > max(c.DRIVING, c.DRIVING_SIGMAS * error):
-            text = f"joint {k + 1}: its friction drives instead of braking: is the sign of "
-            text += f"tau_{k + 1} or q_{k + 1} wrong?"
-            evidence = {"power": drives, "error": error}
-            yield Finding("driving", text, (k + 1,), evidence, "torque_factor or direction")
+            remedy = "torque_factor or direction"
+            yield finding("driving", (k + 1,), remedy, power=drives, error=error)
 
 
 def inconsistent(eq: Equations, least: Array, consistent: Array) -> Iterator[Finding]:
@@ -135,13 +126,10 @@ def inconsistent(eq: Equations, least: Array, consistent: Array) -> Iterator[Fin
     free, linked = (np.std((eq.tau - x)[eq.fit], axis=0) / size for x in (least, consistent))
     for k in range(eq.n):
         if linked[k] > max(c.WORSE * free[k], free[k] + c.WORSE_BY):
-            text = f"joint {k + 1}: physically consistent links do not explain "
-            text += f"{100 * linked[k]:.1f} % of its torque, free base parameters "
-            text += f"{100 * free[k]:.1f} %"
-            if linked[k] > max(c.ELSE * free[k], c.ELSE_BY):
-                text += ": something else acts there, such as a counterbalance, a spring or a cable"
-            evidence = {"consistent": float(linked[k]), "free": float(free[k])}
-            yield Finding("inconsistent", text, (k + 1,), evidence)
+            cause = ": something else acts there, such as a counterbalance, a spring or a cable"
+            cause *= bool(linked[k] > max(c.ELSE * free[k], c.ELSE_BY))
+            left = {"consistent": float(linked[k]), "free": float(free[k])}
+            yield finding("inconsistent", (k + 1,), cause=cause, **left)
 
 
 def weakly_excited(
@@ -156,13 +144,9 @@ def weakly_excited(
         words: Names of the base parameters.
     """
     if condition > c.MAX_CONDITION:
-        text = f"too little excitation: condition number {condition:.3g}, expected less than "
-        yield Finding("excitation", f"{text}{c.MAX_CONDITION:g}", evidence={"condition": condition})
+        yield finding("excitation/condition", condition=condition, expected=c.MAX_CONDITION)
     weak = [words[i] for i in np.flatnonzero(after > c.WEAK * before).tolist()]
     if weak:
         names = ", ".join(text.split(" + ")[0].split(" - ")[0] for text in weak[:4])
         more = f" and {len(weak) - 4} more" if len(weak) > 4 else ""
-        text = f"{len(weak)} of {len(words)} base parameters are hardly excited and stay as in the "
-        text += f"file: those named after {names}{more}"
-        evidence = {"parameters": len(weak), "of": len(words)}
-        yield Finding("excitation", text, evidence=evidence)
+        yield finding("excitation", parameters=len(weak), of=len(words), names=names + more)

@@ -7,7 +7,7 @@ import numpy as np
 
 from sdt_drake.machine.cueing.flight import Flight
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.pilot.head import GRAVITY
 
 
@@ -25,22 +25,15 @@ def _force(flight: Flight) -> Iterator[Finding]:
     along = int(np.argmax(np.abs(mean)))
     evidence = {"tenth_m_s2": low, "median_m_s2": usual, "mean_m_s2": float(mean[along])}
     if c.FORCES_IN_G[0] < usual < c.FORCES_IN_G[1] and low > 0.3 and size.max() < GRAVITY:
-        text = f"its median force is {usual:.3g} m/s²: is it in g?"
-        yield Finding("unit", text, (), evidence, "force_unit: g")
+        yield finding("unit/g", (), "force_unit: g", **evidence)
     elif low < c.LEAST_G * GRAVITY:
-        text = f"its force is below {low:.3g} m/s² for a tenth of the time: was gravity subtracted?"
-        text += " An accelerometer measures 9.81 m/s² at rest; add gravity"
-        yield Finding("unit", text, (), evidence)
+        yield finding("unit/gravity", **evidence)
     elif low > c.MOST_G * GRAVITY:
-        text = f"its force is above {low / GRAVITY:.3g} G for nine tenths of the time: is it in "
-        yield Finding("unit", text + "ft/s²?", (), evidence, "force_unit: ft/s2")
+        yield finding("unit/feet", (), "force_unit: ft/s2", tenth_G=low / GRAVITY, **evidence)
     elif along != 2:
-        text = f"its mean force is along {'xyz'[along]}, {mean[along]:.3g} m/s²: are the columns "
-        text += "of force in another order? Expected: x forward, y left, z up"
-        yield Finding("columns", text, (), evidence)
+        yield finding("columns/order", axis="xyz"[along], **evidence)
     elif mean[2] < 0:
-        text = f"its mean force along z is {mean[2]:.3g} m/s²: is z down?"
-        yield Finding("columns", text, (), evidence, "axes: frd")
+        yield finding("columns/down", (), "axes: frd", **evidence)
 
 
 def _rate(flight: Flight) -> Iterator[Finding]:
@@ -48,7 +41,5 @@ def _rate(flight: Flight) -> Iterator[Finding]:
     omega = flight.angular_rate
     fastest, typical = float(np.abs(omega).max()), float(np.linalg.norm(omega, axis=1).mean())
     if fastest > c.MAX_RATE or typical > c.MAX_MEAN_RATE:
-        text = f"its angular rate is {typical:.3g} rad/s on average, up to {fastest:.3g} rad/s: is "
-        text += "it in degrees?"
-        evidence = {"mean_rad_s": typical, "largest_rad_s": fastest}
-        yield Finding("unit", text, evidence=evidence, remedy="omega_unit: deg/s")
+        rates = {"mean_rad_s": typical, "largest_rad_s": fastest}
+        yield finding("unit/degrees", (), "omega_unit: deg/s", **rates)

@@ -23,7 +23,7 @@ from sdt_drake.machine.diagnose.explained import (
     over_largest,
     without,
 )
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.diagnose.units import Unit, torque_unit
 from sdt_drake.machine.identify.base_parameters import rigid_columns, rigid_parameters
 from sdt_drake.machine.identify.consistency import rigid_scale
@@ -146,15 +146,9 @@ def _in_words(
     gain = np.log(left["file_before"] / left["file"]) + np.log(left["any_before"] / left["any"])
     k = int(gain.argmax())
     evidence = {f"{name}_links": float(values[k]) for name, values in left.items()}
-    file, any_ = (
-        f"{100 * left[name][k]:.0f} % instead of {100 * left[f'{name}_before'][k]:.0f} %"
-        for name in ("file", "any")
-    )
     words = "; or ".join(one.words for one in readings)
-    text = f"torques are explained better by {words}: tau_{k + 1} without friction is not "
-    text += f"explained by {file} with the file's links, by {any_} with the best links"
     remedy = "; or ".join(one.write for one in readings if one.write)
-    return Finding("columns", text, (k + 1,), evidence | {"score": score}, remedy)
+    return finding("columns", (k + 1,), remedy, readings=words, score=score, **evidence)
 
 
 def _is_as_good(reading: Reading, left: Residuals, rival: Residuals | None) -> bool:

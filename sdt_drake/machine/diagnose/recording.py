@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from sdt_drake.io.arrays import Array, Index, Mask
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.robot import Robot
 
@@ -60,28 +60,22 @@ def _sampling(recorded: Recorded) -> Iterator[Finding]:
     gone = int(lost[(lost > 0) & is_whole].sum())
     if gone > c.CHANCE_SHARE * len(time) and is_whole.mean() > 1 - c.UNEVEN_SHARE:
         share = gone / (len(time) + gone)
-        text = f"time: {gone} samples of {1e3 * usual:.4g} ms are missing, {100 * share:.1f} %"
-        yield Finding("missing", text, evidence={"samples": gone, "share": share})
+        yield finding("missing", samples=gone, share=share, step_s=usual)
         return
     share = float(np.mean(np.abs(steps - 1) > c.UNEVEN_STEP))
     if share < c.UNEVEN_SHARE:
         return
-    text = f"time: {100 * share:.0f} % of the steps differ from {1e3 * usual:.4g} ms by more than "
-    text += f"{100 * c.UNEVEN_STEP:.0f} %"
+    differ = {"share": share, "step_s": usual, "more": c.UNEVEN_STEP}
     rate = (len(time) - 1) / float(time[-1] - time[0])
     even = time[0] + np.arange(len(time)) / rate
     if "q" in recorded.signals and not len(recorded.gaps) and np.abs(time - even).max() < 1 / rate:
         q = recorded.signals["q"]
         smoother = _roughness(time, q) / max(_roughness(even, q), 1e-12)
         if smoother > 1 / c.SMOOTHER:
-            text += f", and positions are {smoother:.3g} times as smooth over an even clock of "
-            text += f"{rate:.5g} Hz: times were rounded, or taken on writing"
-            evidence = {"share": share, "smoother": smoother, "rate_Hz": rate}
             remedy = f"time: '', rate: {rate:.6g}"
-            yield Finding("rounded", text, evidence=evidence, remedy=remedy)
+            yield finding("rounded", (), remedy, smoother=smoother, rate_Hz=rate, **differ)
             return
-    text += ": uneven sampling, or times that are not those of the samples"
-    yield Finding("uneven", text, evidence={"share": share})
+    yield finding("uneven", **differ)
 
 
 def _roughness(time: Array, values: Array) -> float:
@@ -119,17 +113,14 @@ def _repeated(recorded: Recorded, moves: Mask) -> Iterator[Finding]:
             continue
         if share > c.HELD_SHARE:
             rows = 1 / (1 - share)
-            text = f"{name}: each value repeats over {rows:.3g} rows: recorded at "
-            text += f"{rate / rows:.4g} Hz, not at {rate:.4g} Hz"
+            rates = {"own_Hz": rate / rows, "rate_Hz": rate}
             late = (rows - 1) / 2 / rate
             is_alone = name == "tau" and shares["q"] < share / 2
             remedy = f"torque_delay: {late:.3g}" if is_alone else ""
-            yield Finding("held", text, evidence={"share": share, "rows": rows}, remedy=remedy)
+            yield finding("held", (), remedy, signal=name, share=share, rows=rows, **rates)
         elif name == "q" or shares["q"] <= c.CHANCE_SHARE:
             first = float(recorded.time[1 + int(still[name].argmax())])
-            text = f"{name}: {100 * share:.1f} % of the rows repeat the one before while joints "
-            text += f"move, the first at {first:.4g} s"
-            yield Finding("repeated", text, evidence={"share": share, "first_s": first})
+            yield finding("repeated", signal=name, share=share, first_s=first)
 
 
 def _frozen(recorded: Recorded, name: str, moves: Mask) -> Iterator[Finding]:
@@ -149,10 +140,11 @@ def _frozen(recorded: Recorded, name: str, moves: Mask) -> Iterator[Finding]:
             after = column[min(len(column) - 1, end + 2)] - column[start]
             is_jump = np.abs(after) > c.RESOLVED * increments[k]
             if is_jump and (around or (name == "tau" and moves[start:end, k].mean() > 0.5)):
-                evidence = {"duration_s": float(length * period), "first_s": float(time[start])}
-                text = f"{name}_{k + 1}: frozen at {column[start]:.4g} for {length * period:.3g} s "
-                text += f"from {time[start]:.4g} s while its joint moves"
-                yield Finding("frozen", text, (k + 1,), evidence)
+                lasts, first, value = (
+                    float(x) for x in (length * period, time[start], column[start])
+                )
+                stands = {"duration_s": lasts, "first_s": first, "value": value}
+                yield finding("frozen", (k + 1,), signal=name, **stands)
                 break
 
 
@@ -175,9 +167,7 @@ def _clipped(robot: Robot, recorded: Recorded, moves: Mask) -> Iterator[Finding]
             is_pile = rows.mean() > c.CHANCE_SHARE and rows.sum() > c.PILE * beside.sum()
             if is_pile and longest > c.MIN_CLIPPED_ROWS:
                 share = float(rows.mean())
-                text = f"tau_{k + 1}: clipped: at its {is_at} value, {end:.4g} N m, for "
-                text += f"{100 * share:.1f} % of the time, but hardly ever near it"
-                yield Finding("clipped", text, (k + 1,), {"torque_N_m": float(end), "share": share})
+                yield finding("clipped", (k + 1,), end=is_at, torque_N_m=float(end), share=share)
 
 
 # --- units -----------------------------------------------------------------------------------
@@ -197,10 +187,8 @@ def _positions(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
     over = np.flatnonzero((usual > c.BEYOND * limit) | (np.ptp(q, axis=0) > c.BEYOND * stops))
     if len(over):
         k = int(over[0])
-        evidence = {"range_rad": float(np.ptp(q[:, k])), "speed_rad_s": float(usual[k])}
-        text = f"joint {k + 1} moves over {evidence['range_rad']:.4g} rad at up to "
-        text += f"{usual[k]:.4g} rad/s: are its positions in degrees?"
-        yield Finding("degrees", text, (k + 1,), evidence, "angle: deg")
+        turns = {"range_rad": float(np.ptp(q[:, k])), "speed_rad_s": float(usual[k])}
+        yield finding("degrees", (k + 1,), "angle: deg", **turns)
 
 
 def _speeds(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
@@ -220,17 +208,13 @@ def _speeds(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
     whys = {k: _reason(float(ratios[k]), float(robot.gear_ratio[k])) for k in odd}
     is_same = len(known) > 1 and clock > 0 and np.ptp(ratios[known]) < c.SAME_FACTOR * clock
     if is_same and len(odd) == len(known) and not any(whys.values()):
-        text = f"time: all speeds are {clock:.4g} times the derivatives of their positions: is a "
-        text += f"second of the clock {1 / clock:.4g} s?"
         remedy = f"rate: {clock / recorded.period:.4g}"
         if recorded.time_factor is not None:
             remedy = f"time_factor: {recorded.time_factor / clock:.4g}"
-        yield Finding("clock", text, evidence={"ratio": clock}, remedy=remedy)
+        yield finding("clock", (), remedy, ratio=clock, second_s=1 / clock)
         return
     for k, why in whys.items():
-        text = f"v_{k + 1}: is {ratios[k]:.4g} times the derivative of q_{k + 1}"
-        evidence = {"ratio": float(ratios[k])}
-        yield Finding("speeds", text + f": {why}" * bool(why), (k + 1,), evidence)
+        yield finding("speeds", (k + 1,), ratio=float(ratios[k]), why=f": {why}" * bool(why))
     if len(known) and not odd:
         yield from _speeds_late(recorded, smooth, seen, known)
 
@@ -253,9 +237,8 @@ def _speeds_late(recorded: Recorded, slope: Array, v: Array, known: list[int]) -
     usual = float(np.median(late))
     least = max(c.MIN_SPEED_DELAY_SAMPLES * recorded.period, c.MIN_DELAY)
     if usual > least and np.all(np.abs(late - usual) < c.SAME_DELAY * usual):
-        text = f"v: speeds are {1e3 * usual:.3g} ms behind the derivatives of the positions (of "
-        text += f"the joints: {1e3 * late.min():.3g} to {1e3 * late.max():.3g} ms), as after a "
-        yield Finding("late speeds", text + "filter", evidence={"delay_s": usual}, remedy="v: []")
+        delays = {"delay_s": usual, "least_s": float(late.min()), "most_s": float(late.max())}
+        yield finding("late speeds", (), "v: []", **delays)
 
 
 def _smoothed(values: Array, period: float) -> Array:
@@ -273,13 +256,9 @@ def _torque_limits(robot: Robot, tau: Array) -> Iterator[Finding]:
     times = tau.max(axis=0)
     over = np.flatnonzero(times > c.BEYOND).tolist()
     if over:
-        text = listed([f"tau_{k + 1}" for k in over])
-        text += f": up to {times.max():.3g} times the largest torque of the motors, joint side: "
-        yield Finding(
-            "beyond limit", text + "wrong side or unit?", tuple(k + 1 for k in over),
-            {"times": float(times.max())}, "side or torque_factor",
-        )  # fmt: skip
+        joints, most = [k + 1 for k in over], float(times.max())
+        signals = listed([f"tau_{k}" for k in joints])
+        yield finding("beyond limit", joints, "side or torque_factor", signals=signals, times=most)
     for k, share in enumerate(np.mean(tau >= c.AT_LIMIT, axis=0).tolist()):
         if k not in over and share > c.OFTEN:
-            text = f"motor {k + 1} is at its limit for {100 * share:.1f} % of the time"
-            yield Finding("at limit", text, (k + 1,), {"share": share})
+            yield finding("at limit", (k + 1,), share=share)

@@ -7,7 +7,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import formatted, listed
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.replay import ALONE, FEEDFORWARD, QUANTITIES, UNFED, Replay
 
 _WHY = {
@@ -32,24 +32,22 @@ def check_replay(replay: Replay) -> Iterator[Finding]:
             joints = tuple(k + 1 for k in np.flatnonzero(is_better).tolist())
             share = replay.explained(quantity, case)[is_better]
             own = as_it_is[is_better]
-            subject = f"the {case}" if case == FEEDFORWARD else f"the simulation {case}"
-            text = f"{subject} explains more of the {QUANTITIES[quantity].title} of joint "
-            text += f"{listed(list(map(str, joints)))}: {_percent(share)} % instead of "
-            text += f"{_percent(own)} %: {_WHY[case]}"
-            evidence = {"explained": float(share.min()), "explained_before": float(own.min())}
-            yield Finding("scenario", text, joints, evidence)
+            words = {
+                "subject": case if case == FEEDFORWARD else f"simulation {case}",
+                "quantity": QUANTITIES[quantity].title, "of": listed(list(map(str, joints))),
+                "now": _percent(share), "before": _percent(own), "why": _WHY[case],
+            }  # fmt: skip
+            shares = {"explained": float(share.min()), "explained_before": float(own.min())}
+            yield finding("scenario", joints, **words, **shares)
     if ALONE in replay.courses:
         apart = replay.apart("torque", ALONE)
         off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
         # False for joints without a torque
         wrong = np.flatnonzero(off & (replay.explained("torque") < c.EXPLAINED_SHARE)).tolist()
         if wrong:
-            joints = tuple(k + 1 for k in wrong)
-            text = f"the scenario's controller commands joint {', '.join(map(str, joints))} a "
-            text += "torque with an error larger than the recorded torque: control law or gains "
-            text += "differ from the machine's"
-            evidence = {f"times_{k + 1}": float(apart[k]) for k in wrong}
-            yield Finding("controller", text, joints, evidence)
+            numbers = [k + 1 for k in wrong]
+            times = {f"times_{k + 1}": float(apart[k]) for k in wrong}
+            yield finding("controller", numbers, of=", ".join(map(str, numbers)), **times)
 
 
 def _percent(shares: Array) -> str:

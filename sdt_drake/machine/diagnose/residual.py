@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.explained import basis, over_largest, share_explained, without
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.identify.equations import Equations
 
 CAUSES = {
@@ -65,15 +65,13 @@ class Delay:
         """The finding of late torques; none for a delay that is not significant."""
         if not self.is_significant:
             return []
-        evidence = {"delay_s": self.common, "error_s": self.error, "share": self.gain}
+        delay = {"delay_s": self.common, "error_s": self.error, "interval_s": 2 * self.error}
         each = ", ".join(
             "–" if np.isnan(d) else f"{1e3 * d:.1f} ± {2e3 * e:.1f}"
             for d, e in zip(self.each, self.errors, strict=True)
         )
-        text = f"torques are recorded late, or positions early, by {1e3 * self.common:.1f} ± "
-        text += f"{2e3 * self.error:.1f} ms (of the joints: {each} ms)"
         remedy = f"torque_delay: {self.common:.4f}"
-        return [Finding("late torques", text, evidence=evidence, remedy=remedy)]
+        return [finding("late torques", (), remedy, each=each, share=self.gain, **delay)]
 
 
 def delay_of(eq: Equations, cutoff: float) -> Delay:
@@ -106,19 +104,18 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
         is_late = explains["late"] == best > c.LATE and (
             abs(d - common) > max(c.DELAY_SIGMAS * e, c.MIN_DELAY)
         )
-        text = f"joint {k + 1}: rigid links and friction do not explain {100 * share:.0f} % of its "
-        text += "torque"
+        text = ""
         limit = c.CAUSE_EXPLAINS if share > c.SOME_LEFT else c.CAUSE_EXPLAINS_LITTLE
         if is_late or (share > c.LITTLE_LEFT and best > limit):
             likely = [name for name in explains if explains[name] > best - c.AS_LIKELY]
             likely.sort(key=lambda name: -explains[name])
             late = f"a torque that is {1e3 * d:.1f} ± {2e3 * e:.1f} ms late"
             causes = {"late": late, **CAUSES}
-            text += f"; {100 * best:.0f} % of the squared residual looks like "
+            text = f"; {100 * best:.0f} % of the squared residual looks like "
             text += "one of " * (len(likely) > 1) + "; ".join(causes[name] for name in likely)
         elif share <= c.MUCH_LEFT:
             continue
-        yield Finding("residual", text, (k + 1,), {"share": share, **explains})
+        yield finding("residual", (k + 1,), likely=text, share=share, **explains)
 
 
 class _Joint:

@@ -30,7 +30,7 @@ from sdt_drake.io.fields import (
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.diagnose.spikes import without_spikes
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.matching import Matched, match
@@ -233,12 +233,10 @@ def _checked(trial: TrialRecord, step: Step, state: State) -> Iterator[Finding]:
     """Yield what a trial shows beside those before, and the limit of the step to the next one."""
     noise = np.array(trial.floor) / math.sqrt(trial.recordings)
     if trial.floor and np.all(trial.rms < noise):
-        evidence = {"error_rad": trial.score, "noise_rad": trial.noise}
-        yield Finding("noise", "the repeating error is below the noise; stop here", (), evidence)
+        yield finding("noise", error_rad=trial.score, noise_rad=trial.noise)
     elif state.trials and trial.score > (1 - c.MIN_GAIN) * state.best.score:
-        evidence = {"error_rad": trial.score, "before_rad": state.best.score}
-        text = f"the flight reduced the repeating error by less than {100 * c.MIN_GAIN:g} %; stop "
-        yield Finding("converged", text + "here", (), evidence)
+        errors = {"error_rad": trial.score, "before_rad": state.best.score}
+        yield finding("converged", less=c.MIN_GAIN, **errors)
     if step.note:
         yield Finding("limited", step.note, (), {"share": step.share})
 
