@@ -37,7 +37,7 @@ class Finding:
         return f"{text} ({self.remedy} in the mapping file)" if self.remedy else text
 
 
-def finding(name: str, joints: Sequence[int] = (), remedy: str = "", **values: Any) -> Finding:
+def finding(name: str, joints: Sequence[int] = (), remedy: str = "", /, **values: Any) -> Finding:
     """Return the finding that findings.yaml has by a name.
 
     Args:
