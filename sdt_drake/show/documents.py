@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
+from string import Formatter
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 from xml.etree import ElementTree
@@ -90,8 +91,8 @@ def written(
     A heading of level 1 is the title, each of level 2 begins a section. Braces hold names of
     `values`, as in `said`. A paragraph that is one pair of braces is the block of that name, or
     the list of blocks. A paragraph that is a picture shows the figure or the plots that have its
-    name; without them, a file. What is None or empty is left out, and so is a section without
-    blocks.
+    name; without them, a file. A line with a value that is None is left out, and so are a block
+    that is None or empty, and a section without blocks.
 
     Args:
         name: name of the Markdown file.
@@ -113,10 +114,17 @@ def written(
                 caption = doc.said(shown[1], **values)
                 found = doc.Picture(file, caption, None if content == file else content)
         else:
-            found = doc.said(text, **values)
+            found = "\n".join(line for line in text.split("\n") if _is_said(line, values))
+            found = found and doc.said(found, **values)
         chapters[-1][1].extend(found if isinstance(found, list) else [found] * bool(found))
     (title, lead), *sections = chapters
     return Report(title, lead, [doc.Section(*one) for one in sections if one[1]], **options)
+
+
+def _is_said(line: str, values: Mapping[str, Any]) -> bool:
+    """Check if no value of a line is None."""
+    names = (re.split(r"[.\[]", name or "")[0] for _, name, *_ in Formatter().parse(line))
+    return all(values.get(name, "") is not None for name in names)
 
 
 def _within(blocks: Iterable[doc.Block]) -> Iterator[doc.Block]:

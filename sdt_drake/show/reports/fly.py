@@ -20,7 +20,7 @@ from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
 from sdt_drake.show.figures import fly as figures
 from sdt_drake.show.panels import Plots
-from sdt_drake.show.sections import Marked, Table, said
+from sdt_drake.show.sections import Table, said
 from sdt_drake.show.style import pictures
 from sdt_drake.show.view3d.viewer import played
 
@@ -59,16 +59,10 @@ def fly_report(flown: CueingResult) -> Report:
         "attitude.png": figures.attitude_panels(flown),
         "rotation.png": figures.rotation_panels(best),
     }
-    cause = ""
-    if flown.unlimited:
-        cause = said(
-            "\n- **Cause:** without torque limits the errors would be {g_error_rms:.3f} G and "
-            "{felt_rotation_rms_deg_s:.1f} deg/s: {why}.",
-            why="the difference is due to the motors" if _costs(own, others[1])
-            else "the motors hardly matter; kinematics and speeds do",
-            **others[1],
-        )  # fmt: skip
-    broken = "\n- **Interrupted:** this is the best motion found before the interruption."
+    free = others[1] if flown.unlimited else None
+    why = "the motors hardly matter; kinematics and speeds do"
+    if free and _costs(own, free):
+        why = "the difference is due to the motors"
     return written("fly", {
         **numbers,
         **{name: Plots([shown]) if shown else None for name, shown in panels.items()},
@@ -78,8 +72,8 @@ def fly_report(flown: CueingResult) -> Report:
         "rate_rms": np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
         "vertical": "unknown; the model of the pilot does not cover weightlessness" if felt is None
         else said("{:.1f} deg RMS from that in flight{}", felt, beside),
-        "cause": cause, "allowed": 100 * numbers["torque_share_allowed"],
-        "interruption": Marked(broken * numbers["interrupted"]),
+        "free": free, "why": why, "allowed": 100 * numbers["torque_share_allowed"],
+        "interrupted": "the interruption" if numbers["interrupted"] else None,
         "summary": Table(*flown.summary()[1:3]),
         "recording": played(
             _RECORDING, "The whole motion, from rest to rest; the aircraft's attitude is in the "

@@ -81,7 +81,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         "name": name, "title": scenario.summary().title, "robot": robot.name,
         "motion": Path(scenario.motion).stem, "duration": design.reference.planned.duration,
         "what": doc.Table(["", ""], list(_what(design))), "gains": _gains(design),
-        "loops": _loops(design, response),
+        **_loops(design, response),
         "tracking": _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked]),
         "shown": shown, "over_time": list(_over_time(run, joints, name)),
         "over_speed": _over_speed(design),
@@ -181,19 +181,13 @@ def _table(
     return doc.Table(*by_joint(design.device.simulated.joint_names, columns), title)
 
 
-def _loops(design: Design, response: FrequencyResponse | str) -> list[doc.Block]:
+def _loops(design: Design, response: FrequencyResponse | str) -> dict[str, Any]:
     """Return the linear analysis, or why there is none."""
     if isinstance(response, str):
-        return [doc.said("There is no linear analysis: {}.", response)]
+        return {"no_analysis": response, "loops": None, "cut": None}
     more = doc.joined((doc.said("{}.", x.capitalize()) for x in left_out(design, response)), " ")
-    note = doc.said(
-        "> Link speed over its reference, without feedforward; the loop is cut at {}, all others "
-        "are closed. The gain of a joint may rise by its gain margin before the loop becomes "
-        "unstable. Each joint is linearised where its inertia is largest, at the speeds of the "
-        "motion. {}",
-        response.cut, more,
-    )  # fmt: skip
-    return [_table(design, response.columns()), doc.Marked(note.rstrip())]
+    table = _table(design, response.columns())
+    return {"no_analysis": None, "loops": table, "cut": response.cut, "left_out": more}
 
 
 def _windings(run: Compared) -> list[doc.Block]:

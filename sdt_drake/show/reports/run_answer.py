@@ -1,6 +1,5 @@
 """The answer of a run: its largest errors, its motors, what the pilot feels, and its loops."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -36,7 +35,8 @@ def answer(run: Compared, response: FrequencyResponse | str) -> dict[str, Any]:
         run: the run.
         response: the linear analysis of its loops, or why there is none.
     """
-    names = [joint_title(k, x) for k, x in enumerate(run.design.device.simulated.joint_names)]
+    joints = run.design.device.simulated.joint_names
+    names = [joint_title(k, x) for k, x in enumerate(joints)]
 
     def worst(largest: Array, errors: Array) -> dict[str, Any]:
         k = int(np.nanargmax(largest))
@@ -53,9 +53,11 @@ def answer(run: Compared, response: FrequencyResponse | str) -> dict[str, Any]:
         for i, x in enumerate(run.tracking.saturated_fraction, 1)
         if x
     ]
-    is_stable = isinstance(response, str) or response.stable.all()
+    unstable = []
+    if isinstance(response, FrequencyResponse):
+        unstable = [names[k] for k in np.flatnonzero(~response.stable).tolist()]
     state = "motors saturate" if saturated else "nothing saturates"
-    state = state if is_stable else "the loops are unstable"
+    state = "the loops are unstable" if unstable else state
     return {
         "speed": speed,
         "position": worst(position, run.recording.position_error),
@@ -67,32 +69,19 @@ def answer(run: Compared, response: FrequencyResponse | str) -> dict[str, Any]:
         "saturated": f"Saturated: {', '.join(saturated)}" if saturated else "No motor saturates",
         "state": state,
         "advice": Marked(_NEXT[state].format(_CAUSES[run.design.scenario.plant.kind])),
-        "notes": bullets(_notes(run, response, names)),
+        "felt": run.head if has_head(run.design.device.simulated) else None,
+        "unstable": "; ".join(unstable) or None,
+        "margins": None if isinstance(response, str) or unstable else _margins(response),
+        "notes": bullets(said("**Note:** {}.", x) for x in stops_passed(run.recording, joints))
+        or None,
     }
-
-
-def _notes(run: Compared, response: FrequencyResponse | str, names: list[str]) -> Iterator[Marked]:
-    """Yield the result on pilot and loops, and notes."""
-    if has_head(run.design.device.simulated):
-        yield said(
-            "**Pilot:** the error can be felt {:.1%} of the time; if only positions were "
-            "wrong, {:.1%}.",
-            run.head.felt.share, run.head.felt_from_angles.share,
-        )  # fmt: skip
-    if isinstance(response, FrequencyResponse):
-        unstable = [names[k] for k in np.flatnonzero(~response.stable).tolist()]
-        text = said("**Loops:** unstable in linear analysis: {}.", "; ".join(unstable))
-        yield text if unstable else _margins(response)
-    stiffness = run.design.scenario.plant.stops.stiffness
-    for line in stops_passed(run.recording, run.design.device.simulated.joint_names, stiffness):
-        yield said("**Note:** {}.", line)
 
 
 def _margins(response: FrequencyResponse) -> Marked:
     """Return the smallest damping ratio and margins of stable loops."""
     damping, phase, gain = response.damping, response.phase_margin, response.gain_margins_db
     text = said(
-        "**Loops:** all are stable. The smallest damping ratio is {:.2g} (joint {})",
+        "all are stable. The smallest damping ratio is {:.2g} (joint {})",
         damping.min(), int(damping.argmin()) + 1,
     )  # fmt: skip
     if not np.isnan(phase).all():
