@@ -12,16 +12,8 @@ import numpy as np
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
+from sdt_drake.paper import claims as judged
 from sdt_drake.paper import tables
-from sdt_drake.paper.claims import (
-    BEYOND,
-    BY_CONSTRUCTION,
-    NOT_COMPARABLE,
-    NOT_REPRODUCED,
-    OF_THE_PAPER,
-    REPRODUCED,
-    VERDICTS,
-)
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.pilot.reported import LEGEND, Judged, verdict_of_all
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
@@ -38,23 +30,23 @@ _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticErr
 """Errors caused by a summary without the data of the report."""
 
 LOOKS = {
-    REPRODUCED: ("good", "✓"),
-    NOT_REPRODUCED: ("bad", "✗"),
-    NOT_COMPARABLE: ("open", "–"),
+    judged.REPRODUCED: ("good", "✓"),
+    judged.NOT_REPRODUCED: ("bad", "✗"),
+    judged.NOT_COMPARABLE: ("open", "–"),
 }
 """The class of page.css and the sign of each verdict; colour is never the only difference."""
 
 
 def count_verdicts(claims: Sequence[tables.Json]) -> dict[str, int]:
     """Count the claims of summary.json by verdict."""
-    return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
+    return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in judged.VERDICTS}
 
 
 def claims_in_words(claims: Sequence[tables.Json]) -> str:
     """Return a sentence for each kind of claim of summary.json, with its verdicts."""
     sentences = []
     for kind, text in _KINDS.items():
-        own = [claim for claim in claims if claim.get("kind", OF_THE_PAPER) == kind]
+        own = [claim for claim in claims if claim.get("kind", judged.OF_THE_PAPER) == kind]
         counts = ", ".join(f"{n} {verdict}" for verdict, n in count_verdicts(own).items() if n)
         if own:
             sentences.append(text.format(n=len(own), counts=counts))
@@ -62,9 +54,9 @@ def claims_in_words(claims: Sequence[tables.Json]) -> str:
 
 
 _KINDS = {
-    OF_THE_PAPER: "Of {n} claims of the paper that were computed independently: {counts}.",
-    BY_CONSTRUCTION: "{n} more agree by construction, as the device is calibrated to them.",
-    BEYOND: "{n} ask the same beyond the paper, on the coupled plant: {counts}.",
+    judged.OF_THE_PAPER: "Of {n} claims of the paper that were computed independently: {counts}.",
+    judged.BY_CONSTRUCTION: "{n} more agree by construction, as the device is calibrated to them.",
+    judged.BEYOND: "{n} ask the same beyond the paper, on the coupled plant: {counts}.",
 }
 
 

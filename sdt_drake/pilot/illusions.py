@@ -10,15 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sdt_drake import motion as motions
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.resources import find_file, shipped
-from sdt_drake.motion import (
-    FELT_QUANTITIES,
-    IntendedIllusion,
-    load_plan,
-    load_profile,
-    shipped_motions,
-)
 from sdt_drake.pilot.head import HeadMotion, head_motion_of_samples
 from sdt_drake.pilot.observer import PERCEPTION, PerceptionModel
 from sdt_drake.pilot.orientation import Percept, attitude, perceive
@@ -27,7 +21,7 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.threads import threads
 
 LEVELS: dict[str, float] = dict(
-    zip(FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True)
+    zip(motions.FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True)
 )
 """Smallest errors that count as an illusion, by quantity. Angles: the tilt threshold at 0.15 Hz
 (Suri & Clark 2020) [deg]. Rates: the rate of unperceived rotation [deg/s]."""
@@ -168,7 +162,7 @@ def intended_illusion(motion: str, robot: Robot, models: Sequence[str] = ()) -> 
 
 
 def intended(
-    motion: str, meant: IntendedIllusion, head: HeadMotion, felt: Mapping[str, Percept]
+    motion: str, meant: motions.IntendedIllusion, head: HeadMotion, felt: Mapping[str, Percept]
 ) -> Intended:
     """Return the intended illusion of a motion, from the percept of each parameter set."""
     errors = {model: largest_error(own, head, meant) for model, own in felt.items()}
@@ -177,23 +171,23 @@ def intended(
 
 def intended_illusions(robot: Robot) -> list[Intended]:
     """Predict the illusion of each shipped training motion with all shipped parameter sets."""
-    found = [intended_illusion(motion, robot) for motion in shipped_motions()]
+    found = [intended_illusion(motion, robot) for motion in motions.shipped_motions()]
     return [one for one in found if one is not None]
 
 
 def planned_head(motion: str, robot: Robot) -> HeadMotion:
     """Return the head motion of a planned motion (name or file), sampled every PERIOD."""
-    planned = load_plan(motion, robot, period=PERIOD).motion
+    planned = motions.load_plan(motion, robot, period=PERIOD).motion
     return head_motion_of_samples(robot, PERIOD, planned.q, planned.v)
 
 
-def illusion_of(motion: str | Path) -> IntendedIllusion | None:
+def illusion_of(motion: str | Path) -> motions.IntendedIllusion | None:
     """Return the intended illusion of a motion (name or file); None if its file names none."""
     file = find_file(motion, "motion")
-    return load_profile(file).illusion if file.suffix in (".yaml", ".yml") else None
+    return motions.load_profile(file).illusion if file.suffix in (".yaml", ".yml") else None
 
 
-def largest_error(felt: Percept, head: HeadMotion, meant: IntendedIllusion) -> float:
+def largest_error(felt: Percept, head: HeadMotion, meant: motions.IntendedIllusion) -> float:
     """Return the largest felt minus true value of the intended sign; 0 if there is none."""
     own, true = quantities(felt, head)[meant.quantity]
     error = (own - true)[(felt.time >= meant.start) & (felt.time <= meant.end)]

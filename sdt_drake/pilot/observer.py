@@ -8,14 +8,8 @@ import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
+from pydrake.systems import primitives
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
-from pydrake.systems.primitives import (
-    Demultiplexer,
-    FirstOrderLowPassFilter,
-    LinearSystem,
-    MatrixGain,
-    Multiplexer,
-)
 
 from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, Values, field
 from sdt_drake.io.yaml_files import load_yaml
@@ -96,9 +90,9 @@ def orientation_observer(*, model: PerceptionModel) -> Diagram:
     """
     builder = DiagramBuilder()
     lag = 2 * pi * model.cutoff
-    y = LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)  # of specific force [m/s²]
-    otoliths = builder.AddNamedSystem("otoliths", y)
-    low_pass = FirstOrderLowPassFilter(1 / lag, 3)
+    force_to_y = primitives.LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)
+    otoliths = builder.AddNamedSystem("otoliths", force_to_y)
+    low_pass = primitives.FirstOrderLowPassFilter(1 / lag, 3)
     filtered = builder.AddNamedSystem("low_pass", low_pass)
     senses = builder.AddNamedSystem("canals", canals(model.tau, model.tau_a))
     internal = builder.AddNamedSystem("internal_model", internal_model(model=model))
@@ -165,7 +159,7 @@ def internal_model(*, model: PerceptionModel) -> Diagram:
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
     # y^' = omega_c (g^ - k_a (y - y^) - y^), inputs [g^, y].
-    expected = add("internal_otoliths", LinearSystem(
+    expected = add("internal_otoliths", primitives.LinearSystem(
         A=lag * (K_a - _I), B=lag * np.hstack([_I, -K_a]), C=_I, D=np.zeros((3, 6))
     ))  # fmt: skip
     error = add("tilt_error", symbolic_law(
@@ -174,10 +168,10 @@ def internal_model(*, model: PerceptionModel) -> Diagram:
     felt_law = add("felt", symbolic_law(
         inputs={"error": 3, "canals": 3}, output="felt", law=felt, rates=rates, states=9
     ))  # fmt: skip
-    split = add("gravity_and_rate", Demultiplexer([3, 3]))
-    model_inputs = add("gravity_and_otoliths", Multiplexer([3, 3]))
-    differing = add("otoliths_and_expected", Multiplexer([3, 3]))
-    acceleration = add("acceleration", MatrixGain(GRAVITY * np.hstack([K_a, -K_a])))
+    split = add("gravity_and_rate", primitives.Demultiplexer([3, 3]))
+    model_inputs = add("gravity_and_otoliths", primitives.Multiplexer([3, 3]))
+    differing = add("otoliths_and_expected", primitives.Multiplexer([3, 3]))
+    acceleration = add("acceleration", primitives.MatrixGain(GRAVITY * np.hstack([K_a, -K_a])))
 
     otoliths = builder.ExportInput(error.GetInputPort("otoliths"), "otoliths")
     builder.ConnectInput(otoliths, model_inputs.get_input_port(1))

@@ -27,15 +27,7 @@ from sdt_drake.io.fields import (
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.run.options import ControllerOptions
 from sdt_drake.run.scenario import Scenario, load_scenario
-from sdt_drake.studies.distributions import (
-    MAX_RUNS,
-    AnyDistribution,
-    Choice,
-    Grid,
-    List,
-    Random,
-    text_problems,
-)
+from sdt_drake.studies import distributions
 from sdt_drake.studies.fields import Field, Value, check_changes, find_field
 from sdt_drake.studies.table import is_column
 
@@ -54,7 +46,7 @@ class Variable(Input):
     apply: Literal["value", "factor", "offset"] = "value"
     """Use of the draw: the "value" of the field, a "factor" on its value in the base scenario,
     or an "offset" to it. In a list, every entry is changed."""
-    distribution: AnyDistribution = field(None)
+    distribution: distributions.AnyDistribution = field(None)
     """Distribution of the draws; must be given."""
 
     def complete(self) -> None:
@@ -68,7 +60,7 @@ class Variable(Input):
             return
         if is_column(self.name):
             yield "name", f"{self.name} is a column of the results, expected another name"
-        yield from text_problems("name", self.name)
+        yield from distributions.text_problems("name", self.name)
         for target in self.targets:
             is_text = target.type in (str, bool, ControllerOptions)
             if is_text != self.takes_texts:
@@ -81,7 +73,7 @@ class Variable(Input):
     @property
     def takes_texts(self) -> bool:
         """True if the variable's values are texts rather than numbers."""
-        return isinstance(self.distribution, Choice)
+        return isinstance(self.distribution, distributions.Choice)
 
     @cached_property
     def targets(self) -> list[Field]:
@@ -95,9 +87,9 @@ class Variable(Input):
     @property
     def examples(self) -> list[Value]:
         """Values to check before a run: all listed ones, or else one."""
-        if isinstance(self.distribution, Random):
+        if isinstance(self.distribution, distributions.Random):
             return self.distribution.quantile(np.array([0.5])).tolist()
-        if isinstance(self.distribution, Grid):
+        if isinstance(self.distribution, distributions.Grid):
             return [self.distribution.start]
         return self.distribution.levels()
 
@@ -164,7 +156,7 @@ class Study(Input):
     """Variables of the study; at least one."""
 
     def problems(self) -> Problems:
-        yield from text_problems("name", self.name)
+        yield from distributions.text_problems("name", self.name)
         if "/" in self.name or self.name in (".", ".."):
             yield "name", f"{self.name}, expected the name of a folder"
         names = [variable.name for variable in self.variables]
@@ -173,10 +165,15 @@ class Study(Input):
         for name in {name for name in names if names.count(name) > 1}:
             yield "variables", f"{name} names two variables, expected a different name for each"
         yield from self._field_problems()
-        if self.draws > 1 and not any(isinstance(v.distribution, Random) for v in self.variables):
+        if self.draws > 1 and not any(
+            isinstance(v.distribution, distributions.Random) for v in self.variables
+        ):
             yield "draws", f"{self.draws}, but no variable is random; remove draws"
-        if self._count > MAX_RUNS:
-            yield "variables", f"{self._count:.3g} runs, expected at most {MAX_RUNS:,}"
+        if self._count > distributions.MAX_RUNS:
+            yield (
+                "variables",
+                f"{self._count:.3g} runs, expected at most {distributions.MAX_RUNS:,}",
+            )
 
     def _field_problems(self) -> Problems:
         """Yield a problem for each field that two variables set."""
@@ -222,9 +219,9 @@ class Study(Input):
         return math.prod(one.size for one in self._not_random)
 
     @property
-    def _not_random(self) -> list[Grid | List | Choice]:
+    def _not_random(self) -> list[distributions.Grid | distributions.List | distributions.Choice]:
         every = (variable.distribution for variable in self.variables)
-        return [one for one in every if not isinstance(one, Random)]
+        return [one for one in every if not isinstance(one, distributions.Random)]
 
     @cached_property
     def _levels(self) -> list[list[Value]]:
@@ -236,7 +233,7 @@ class Study(Input):
         return {
             v.name: v.distribution.quantile(self._shares(v.name))
             for v in self.variables
-            if isinstance(v.distribution, Random)
+            if isinstance(v.distribution, distributions.Random)
         }
 
     def _shares(self, name: str) -> Array:

@@ -16,13 +16,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.explained import (
-    basis,
-    entries,
-    like_friction,
-    over_largest,
-    without,
-)
+from sdt_drake.machine.diagnose import explained
 from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.diagnose.units import Unit, torque_unit
 from sdt_drake.machine.identify.base_parameters import rigid_columns, rigid_parameters
@@ -178,7 +172,7 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
     for j, k in combinations(range(n), 2):
         places = order.copy()
         places[[j, k]] = k, j
-        words, write = f"tau_{j + 1} and tau_{k + 1} swapped", entries(places + 1)
+        words, write = f"tau_{j + 1} and tau_{k + 1} swapped", explained.entries(places + 1)
         yield replace(plain, words=words, write=f"tau: in the order {write}", order=places)
     if n > 2:
         words, write = "columns from the tip to the base", "q and tau: in the order of the joints, "
@@ -186,7 +180,10 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
         yield replace(plain, words=words, write=write, order=order[::-1], whole=True)
     for k in range(n):
         sign = np.where(order == k, -1.0, 1.0)
-        torque, direction = f"torque_factor: {entries(sign)}", f"direction: {entries(sign)}"
+        torque, direction = (
+            f"torque_factor: {explained.entries(sign)}",
+            f"direction: {explained.entries(sign)}",
+        )
         words = f"tau_{k + 1} with the opposite sign"
         yield replace(plain, words=words, write=torque, sign=sign)
         words = f"q_{k + 1} with the opposite sign"
@@ -196,7 +193,7 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
         for turn in (_RIGHT, -_RIGHT, 2 * _RIGHT):
             words = f"an offset of q_{k + 1} by {round(np.degrees(turn))} degrees"
             offset = np.where(order == k, turn, 0.0)
-            write = f"position_offset: {entries(offset)}"
+            write = f"position_offset: {explained.entries(offset)}"
             yield replace(plain, words=words, write=write, offset=offset)
 
 
@@ -288,10 +285,10 @@ class _Judge:
         Y = self.columns if is_plain else rigid_columns(self.robot, q, v, vd, reading.gravity)
         tau, counts = reading.sign * self.tau[:, order], self.moves[:, order]
         counts = counts & self.moves[:, places]
-        speed, made = over_largest(self.robot.gear_speed(v)), []
+        speed, made = explained.over_largest(self.robot.gear_speed(v)), []
         for k in range(len(order)):
             used = counts[:, k, None].astype(float)
-            known = basis(used * like_friction(speed[:, k], c.FRICTION_WIDTHS))
-            both = without(known, used * np.column_stack([Y[:, k], tau[:, k]]))
+            known = explained.basis(used * explained.like_friction(speed[:, k], c.FRICTION_WIDTHS))
+            both = explained.without(known, used * np.column_stack([Y[:, k], tau[:, k]]))
             made.append((both[:, :-1], both[:, -1]))
         return made

@@ -7,13 +7,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.explained import (
-    basis,
-    entries,
-    like_friction,
-    over_largest,
-    without,
-)
+from sdt_drake.machine.diagnose import explained
 from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.robot.robot import Robot
@@ -71,10 +65,11 @@ def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
         size = peak / robot.effort_limit
         text = f"is it in {_RATED[shares[0]]} of a rated torque? Then torque_factor is the rated "
         text += f"torque, joint side, over {shares[0]:g}, by the file about "
-        return unit(text + entries(_factor(off, size), 4), size)
+        return unit(text + explained.entries(_factor(off, size), 4), size)
     if not is_near:
         text = "is it a current, or in another unit? Then torque_factor turns it into N m; by the "
-        text += f"file it is about {entries(_factor(off, np.exp(own)), 4)} in the mapping file"
+        values = explained.entries(_factor(off, np.exp(own)), 4)
+        text += f"file it is about {values} in the mapping file"
         return unit(text, np.exp(own))
     good = sorted(
         (x for x in far if far[x] < min(far[best] + clearly, wrong)), key=lambda x: far[x]
@@ -86,7 +81,7 @@ def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
 def _remedy(words: str, factor: Array) -> str:
     """Return the entry of the mapping file for an exact unit."""
     side = {"of the motors": "motor", "of the joints": "joint"}.get(words)
-    return f"side: {side}" if side else f"torque_factor: {entries(factor, 4)}"
+    return f"side: {side}" if side else f"torque_factor: {explained.entries(factor, 4)}"
 
 
 def _slopes(eq: Equations) -> tuple[Array, Array]:
@@ -99,8 +94,12 @@ def _slopes(eq: Equations) -> tuple[Array, Array]:
         rows = eq.moves[:, k] & eq.fit
         if rows.sum() < 10:
             continue
-        known = basis(like_friction(over_largest(eq.speed[rows, k]), c.FRICTION_WIDTHS))
-        measured, file = without(known, np.stack([eq.tau[rows, k], eq.nominal[rows, k]], 1)).T
+        known = explained.basis(
+            explained.like_friction(explained.over_largest(eq.speed[rows, k]), c.FRICTION_WIDTHS)
+        )
+        measured, file = explained.without(
+            known, np.stack([eq.tau[rows, k], eq.nominal[rows, k]], 1)
+        ).T
         sizes = np.linalg.norm(measured), np.linalg.norm(file)
         if min(sizes) > 0:
             slopes[k] = measured @ file / sizes[1] ** 2

@@ -8,14 +8,9 @@ from typing import Any
 import numpy as np
 
 from sdt_drake.io.arrays import Array, Index, Mask
+from sdt_drake.machine.identify import filtering
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_columns, rigid_parameters
-from sdt_drake.machine.identify.filtering import (
-    Smooth,
-    Stretch,
-    compared,
-    smooth,
-    zero_phase_low_pass,
-)
+from sdt_drake.machine.identify.filtering import Smooth
 from sdt_drake.machine.identify.friction import FrictionLaw, Term, laws, terms_of
 from sdt_drake.robot.robot import Robot
 
@@ -110,7 +105,7 @@ class Equations:
 def equations(
     robot: Robot,
     unknown: Unknown,
-    parts: Sequence[tuple[int, bool | float, Stretch]],
+    parts: Sequence[tuple[int, bool | float, filtering.Stretch]],
     cutoff: float,
     candidates: Callable[[float], tuple[FrictionLaw, ...]] = laws,
     block: int = _BLOCK_SAMPLES,
@@ -126,7 +121,7 @@ def equations(
         candidates: Function from a joint's largest speed [rad/s] to its candidate friction laws.
         block: Largest number of samples in memory at once.
     """
-    motions = [smooth(stretch, cutoff) for *_, stretch in parts]
+    motions = [filtering.smooth(stretch, cutoff) for *_, stretch in parts]
     slowest, fastest = slowest_and_fastest(robot, motions, cutoff)
     tried = tuple(candidates(speed) for speed in fastest)
     terms = tuple(map(terms_of, tried))
@@ -161,7 +156,10 @@ def slowest_and_fastest(
     speeds = [robot.gear_speed(m.v) for m in motions]
     fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0) + 1e-6
     periods = [m.period for m in motions]
-    below = [zero_phase_low_pass(v, 2 * cutoff, h) for v, h in zip(speeds, periods, strict=True)]
+    below = [
+        filtering.zero_phase_low_pass(v, 2 * cutoff, h)
+        for v, h in zip(speeds, periods, strict=True)
+    ]
     motion = np.max([np.std(v, axis=0) for v in below], axis=0)
     noise = np.max([np.std(v - x, axis=0) for v, x in zip(speeds, below, strict=True)], axis=0)
     slowest = np.maximum(noise, _SLIDING_SPEED * fastest) + 1e-9
@@ -176,7 +174,7 @@ def _blocks(motion: Smooth, cutoff: float, size: int) -> Iterator[tuple[Smooth, 
     count = len(motion.time)
     margin = int(_MARGIN / (cutoff * motion.period))
     for at in np.array_split(
-        np.arange(count)[compared(count, cutoff, motion.period)], 1 + count // size
+        np.arange(count)[filtering.compared(count, cutoff, motion.period)], 1 + count // size
     ):
         first = max(0, at[0] - margin) if len(at) else 0
         block = slice(first, at[-1] + 1 + margin if len(at) else count)
@@ -218,7 +216,10 @@ def _rows(
     }
     few = {  # one joint at a time, and copies, so that no large array stays in memory
         name: np.stack(
-            [zero_phase_low_pass(x, cutoff, motion.period)[at] for x in values.swapaxes(0, 1)],
+            [
+                filtering.zero_phase_low_pass(x, cutoff, motion.period)[at]
+                for x in values.swapaxes(0, 1)
+            ],
             axis=1,
         )
         for name, values in whole.items()

@@ -15,24 +15,11 @@ from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.diagnose.fit import standing_still, suspicious_torques, weakly_excited
 from sdt_drake.machine.diagnose.readings import misread
 from sdt_drake.machine.diagnose.recording import check_recording
+from sdt_drake.machine.identify import consistency, filtering
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
-from sdt_drake.machine.identify.consistency import (
-    Consistent,
-    links_of,
-    nearest_consistent,
-    rigid_scale,
-)
 from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
-from sdt_drake.machine.identify.filtering import (
-    HELD_OUT,
-    MAX_CUTOFF_SHARE,
-    MIN_SAMPLES,
-    Stretch,
-    spread,
-    stretches,
-)
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import Recordings, recordings_of
 from sdt_drake.machine.recordings.recorded import Recorded, check_different
@@ -49,7 +36,7 @@ _MAX_DISTANCE, _REPEATED = 0.15, 0.9  # distance of similar states over their sp
 _ROWS_PER_PERIOD = 4.0  # rows in a period of the cut-off
 _PRIOR_STD = 1.0  # prior standard deviation of a parameter over its typical size
 
-Parts = list[tuple[int, float, Stretch]]
+Parts = list[tuple[int, float, filtering.Stretch]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +53,7 @@ class Identified(Shown):
     """All rows, fitted and held out."""
     estimate: Estimate
     """Base parameters and friction by least squares."""
-    consistent: Consistent
+    consistent: consistency.Consistent
     """Physically consistent links and motors."""
     friction: Array
     """Friction parameters for the consistent links, in the order of `estimate`, shape (f,)."""
@@ -115,7 +102,7 @@ def identify(
     only: str | None = None,
     payload: str = "payload",
     cutoff: float | None = None,
-    held_out: float = HELD_OUT,
+    held_out: float = filtering.HELD_OUT,
 ) -> Identified:
     """Identify a robot from recordings, as `sdt-drake identify`.
 
@@ -187,7 +174,9 @@ def identify(
     wrong = [] if is_spoilt else misread(robot, eq)
     findings += [*standing_still(eq), *wrong]
     try:
-        consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
+        consistent = consistency.nearest_consistent(
+            robot, unknown, free, found.beta, N[:r, :r], S[:r, :r]
+        )
     except InputError as error:
         raise InputError("; ".join([f"{error}", *map(str, wrong)])) from None
     change = consistent.beta - found.beta
@@ -227,7 +216,7 @@ def parts_of(
     notes = []
     for number, recorded in enumerate((*fitted, *held_out)):
         _check_alive(recorded)
-        found, changes = stretches(recorded)
+        found, changes = filtering.stretches(recorded)
         notes += [f"{recorded.path.name}: {line}" for line in (*recorded.notes, *changes)]
         held_from = -np.inf if number >= len(fitted) else np.inf
         if not held_out:
@@ -242,7 +231,7 @@ def _choice(
 ) -> tuple[float, bool]:
     """Choose the cut-off, unless it is given, and the source of speeds, by the fitted data."""
     fitted = [(source, end, stretch.before(end)) for source, end, stretch in parts]
-    fitted = [part for part in fitted if len(part[2].q) > MIN_SAMPLES]
+    fitted = [part for part in fitted if len(part[2].q) > filtering.MIN_SAMPLES]
     if not fitted:
         return cutoff or CUTOFFS[0], False
     return chosen(robot, unknown, prior, [one for *_, one in few_of(fitted, CUTOFFS[-1])], cutoff)
@@ -255,7 +244,7 @@ def few_of(parts: Parts, cutoff: float) -> Parts:
     few: Parts = []
     for source in sources:
         own = [(held_from, stretch) for other, held_from, stretch in parts if other == source]
-        windows = spread([stretch for _, stretch in own], seconds, cutoff)
+        windows = filtering.spread([stretch for _, stretch in own], seconds, cutoff)
         few += [(source, own[0][0], window) for window in windows]
     return few
 
@@ -299,11 +288,11 @@ def _check_alive(recorded: Recorded) -> None:
 
 def _check_cutoff(cutoff: float | None, parts: Parts) -> None:
     """Refuse a cut-off that is too high for the sample rate."""
-    most = MAX_CUTOFF_SHARE / max(stretch.period for *_, stretch in parts)
+    most = filtering.MAX_CUTOFF_SHARE / max(stretch.period for *_, stretch in parts)
     if cutoff is not None and cutoff >= most:
         raise InputError(
-            f"{cutoff:g} Hz, expected less than {most:.4g} Hz, {MAX_CUTOFF_SHARE:g} of the sample "
-            "rate",
+            f"{cutoff:g} Hz, expected less than {most:.4g} Hz, {filtering.MAX_CUTOFF_SHARE:g} of "
+            "the sample rate",
             place="cutoff",
         )
 
@@ -326,7 +315,7 @@ def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, lis
         return Unknown.nothing(), []
     if only == "payload":
         return Unknown.body(robot, payload), [payload]
-    return Unknown.everything(robot), [link.name for link in links_of(robot)]
+    return Unknown.everything(robot), [link.name for link in consistency.links_of(robot)]
 
 
 def belief(robot: Robot, unknown: Unknown) -> Prior:
@@ -335,7 +324,7 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     The mean is that of the file. The standard deviation follows from the typical size of the
     parameters.
     """
-    whole = _PRIOR_STD * rigid_scale(robot)
+    whole = _PRIOR_STD * consistency.rigid_scale(robot)
     K = unknown.base.combination
     covariance = (K * whole[unknown.columns] ** 2) @ K.T
     mean = K @ rigid_parameters(robot)[unknown.columns]

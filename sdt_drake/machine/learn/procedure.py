@@ -7,13 +7,7 @@ import numpy as np
 
 from sdt_drake.io.arguments import finite_number, instance_of, one_of, takes, whole_number
 from sdt_drake.io.trust import trusting
-from sdt_drake.machine.learn.filter import (
-    Convergence,
-    LearningFilter,
-    convergence,
-    design_filter,
-    refuse_divergence,
-)
+from sdt_drake.machine.learn import filter as filters
 from sdt_drake.machine.learn.loops import LEARNED, loops_of
 from sdt_drake.machine.learn.trials import LearningResult
 from sdt_drake.machine.learn.trials import learn as run_and_learn
@@ -71,7 +65,7 @@ def learn(
     design = as_design(design)
     with trusting(trust):
         filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
-    refuse_divergence(checks, filter_)
+    filters.refuse_divergence(checks, filter_)
     return run_and_learn(design, filter_, flights, stops=stops, report=report)
 
 
@@ -82,7 +76,7 @@ def learning_filter(
     bandwidth: float | None = None,
     study: str | Path | None = None,
     draws: int = 20,
-) -> tuple[LearningFilter, list[Convergence]]:
+) -> tuple[filters.LearningFilter, list[filters.Convergence]]:
     """Design the learning filter and check its convergence on each set of loops.
 
     The arguments are those of `learn`.
@@ -95,5 +89,5 @@ def learning_filter(
         devices[f"the devices of {drawn.name}"] = devices_of(design, drawn, base, draws)
     loops = loops_of(design, of, devices=devices)
     omega = None if bandwidth is None else 2 * np.pi * finite_number(bandwidth, "bandwidth")
-    filter_ = design_filter(design, loops, of, bandwidth=omega)
-    return filter_, [convergence(filter_, group) for group in loops]
+    filter_ = filters.design_filter(design, loops, of, bandwidth=omega)
+    return filter_, [filters.convergence(filter_, group) for group in loops]
