@@ -15,6 +15,7 @@ from sdt_drake.io.arguments import whole_periods
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.versions import versions
+from sdt_drake.io.yaml_files import read_yaml
 from sdt_drake.machine.fmu import ABOUT, SCENARIO, open_loop
 from sdt_drake.pilot.head import has_head, head_motion
 from sdt_drake.robot.device import Friction, friction_parameters
@@ -24,21 +25,7 @@ from sdt_drake.run.simulate import make_simulator
 
 _INPUTS = {"torque": ("tau_cmd",), "reference": ("q_ref", "v_ref", "vd_ref")}
 
-_MEANINGS = {
-    "payload_mass": "payload in addition to the robot file [kg]",
-    "viscous_friction": "joint side [N m s/rad]",
-    "coulomb_friction": "joint side [N m]; breakaway friction changes in proportion",
-    "q_start": "initial angle, at rest; joint side [rad]",
-    "tau_cmd": "torque command of the drive, motor side [N m]",
-    "q_ref": "reference angle, joint side [rad]",
-    "v_ref": "reference speed, joint side [rad/s]",
-    "vd_ref": "reference acceleration, joint side [rad/s²]",
-    "q": "measured angle, joint side [rad]",
-    "v": "measured speed, joint side [rad/s]",
-    "tau": "motor torque, motor side [N m]",
-    "specific_force": "a - g at the head, x forward, y left, z up [m/s²]",
-    "angular_rate": "angular rate of the head, about the same axes [rad/s]",
-}
+_MEANINGS = read_yaml(Path(__file__).with_name("fmu_variables.yaml"))
 
 
 def _changed(friction: Friction, viscous: Array, coulomb: Array) -> Friction:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -22,23 +22,12 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
 from sdt_drake.io.formats import FIGURES
 from sdt_drake.io.shown import formatted
+from sdt_drake.show.sections import TEMPLATES
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can distinguish.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 
-_STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "lines.linewidth": 1.1,
-    "text.parse_math": False,  # users' names are not TeX
-    "savefig.dpi": 130,
-    "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
-}
+_STYLE = matplotlib.rc_params_from_file(TEMPLATES / "figures.mplstyle", use_default_template=False)
 _FILE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 _LEGEND_ROW = 0.2  # height [inch]
 _MIN_PLAIN = 3e-3  # axes with smaller values have a power of ten in their unit

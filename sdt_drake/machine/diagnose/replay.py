@@ -7,21 +7,8 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import formatted, listed
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.finding import Finding, finding
-from sdt_drake.machine.replay import ALONE, FEEDFORWARD, QUANTITIES, UNFED, Replay
-
-_WHY = {
-    FEEDFORWARD: "links, friction or payload of the scenario differ from the machine's: identify "
-    "the robot from this recording",
-    UNFED: "the machine does not add the recorded feedforward as this controller does, or its unit "
-    "or side differs: check torque_factor and side",
-    "without friction": "friction of the scenario differs from the machine's: identify the "
-    "friction alone",
-    "with rigid joints": "springs of the scenario differ from the machine's",
-    "with ideal drives": "drives of the scenario differ from the machine's",
-    "with the nominal links": "the deviation of the scenario differs from the machine's",
-}
-"""The conclusion if a case explains more than the scenario as it is."""
+from sdt_drake.machine.diagnose.finding import Finding, finding, kinds
+from sdt_drake.machine.replay import ALONE, FEEDFORWARD, QUANTITIES, Replay
 
 
 def check_replay(replay: Replay) -> Iterator[Finding]:
@@ -35,7 +22,8 @@ def check_replay(replay: Replay) -> Iterator[Finding]:
             words = {
                 "subject": case if case == FEEDFORWARD else f"simulation {case}",
                 "quantity": QUANTITIES[quantity].title, "of": listed(list(map(str, joints))),
-                "now": _percent(share), "before": _percent(own), "why": _WHY[case],
+                "now": _percent(share), "before": _percent(own),
+                "why": kinds()["scenario"]["why"][case],
             }  # fmt: skip
             shares = {"explained": float(share.min()), "explained_before": float(own.min())}
             yield finding("scenario", joints, **words, **shares)

@@ -17,17 +17,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.explained import basis, over_largest, share_explained, without
-from sdt_drake.machine.diagnose.finding import Finding, finding
+from sdt_drake.machine.diagnose.finding import Finding, finding, kinds
 from sdt_drake.machine.identify.equations import Equations
-
-CAUSES = {
-    "springs": "springs in its gear",
-    "hysteresis": "play, or friction that builds up over an angle at reversals",
-    "position": "something that acts on its position, such as a counterbalance or a cable",
-    "load": "friction that grows with the torque",
-    "drift": "friction that changed within the recording, for example with temperature",
-}
-"""Causes of residual torque in words, beside a late torque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +101,7 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
             likely = [name for name in explains if explains[name] > best - c.AS_LIKELY]
             likely.sort(key=lambda name: -explains[name])
             late = f"a torque that is {1e3 * d:.1f} ± {2e3 * e:.1f} ms late"
-            causes = {"late": late, **CAUSES}
+            causes = {"late": late, **kinds()["residual"]["causes"]}
             text = f"; {100 * best:.0f} % of the squared residual looks like "
             text += "one of " * (len(likely) > 1) + "; ".join(causes[name] for name in likely)
         elif share <= c.MUCH_LEFT:
@@ -151,7 +142,7 @@ class _Joint:
         return without(self.basis, tau), without(self.basis, slope)
 
     def causes(self) -> dict[str, Array]:
-        """Return the columns of each of CAUSES."""
+        """Return the columns of each cause, by its name in findings.yaml."""
         eq, k, rows = self.eq, self.k, self.rows
         q, v, load = eq.q[rows, k], eq.speed[rows, k], np.abs(eq.nominal[rows, k])
         slides = np.tanh(over_largest(v) / c.SIGN_WIDTH)

@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
@@ -20,14 +21,9 @@ PICTURES = ("svg", "png", "pdf")
 
 # Fonts for machines without matplotlib's.
 _FAMILY = b"font-family: 'DejaVu Sans', Verdana, sans-serif"
-_STYLE: dict[Any, Any] = {
-    "patch.linewidth": 1.0,
-    "font.family": "DejaVu Sans",
-    "font.size": 10.0,  # DejaVu Sans is wider than the Helvetica of `text_size`
-    "mathtext.fontset": "dejavusans",
-    "svg.fonttype": "none",  # texts stay texts
-    "svg.hashsalt": "diagram",  # equal pages give equal files
-}
+_STYLE = matplotlib.rc_params_from_file(
+    Path(__file__).with_name("diagram.mplstyle"), use_default_template=False
+)
 _BORDER = 4  # around the page [points]
 _CAP = 3.6  # from the baseline of a line to its middle [points]
 _GRAY = "0.35"
