@@ -29,7 +29,7 @@ def run(
         out: folder for the study (default: its name)
     """
     from sdt_drake.show.documents import REPORT
-    from sdt_drake.show.reports.sizing import FILES, sizing_lines, write_sizing_report
+    from sdt_drake.show.reports.sizing import FILES, sizing_report
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures
@@ -42,14 +42,15 @@ def run(
     table = read_study_table(folder)
     verdicts = judge_candidates(chosen, table)
     failed = failures(table)
-    lines = [*filter(None, [failed]), *sizing_lines(chosen, verdicts)]
+    report = sizing_report(chosen, verdicts, failed)
+    lines = report.lines()
     for line in lines:
         echo(line)
     echo()
     with replacing_files(folder) as new:
         write_text(new / "sizing.txt", "\n".join(lines) + "\n")
         verdict_table(verdicts).to_csv(new / "candidates.csv", index=False, lineterminator="\n")
-        write_sizing_report(chosen, verdicts, new, failed)
+        report.write(new)
     echo(f"{folder / REPORT} and {folder / 'candidates.csv'} written")
     where = shlex.quote(str(folder))
     echo(f"next, to see all runs: sdt-drake study show {where} --out {where}/runs")

@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, write_text
-from sdt_drake.io.shown import formatted
+from sdt_drake.io.shown import aligned, formatted
 from sdt_drake.show import sections as doc
 
 if TYPE_CHECKING:  # only commands that write a report need these
@@ -51,6 +51,17 @@ class Report:
         for section in self.sections:
             parts += [f"## {doc.marked(section.title)}", *map(_markdown, section.blocks)]
         return "\n\n".join(parts) + "\n"
+
+    def lines(self) -> list[str]:
+        """Return texts and tables as lines of plain text, for the console."""
+        found: list[str] = []
+        for block in (*self.lead, *(x for section in self.sections for x in section.blocks)):
+            if isinstance(block, doc.Table):
+                found += ["", *[block.title] * bool(block.title)]
+                found += aligned(block.header, block.rows, 1, 100)
+            elif isinstance(block, str):
+                found += doc.plain(block).splitlines()
+        return found
 
     def page(self, folder: Path) -> str:
         """Return a page that needs no other file and no network.

@@ -79,8 +79,8 @@ def fenced(text: str) -> Marked:
 
 
 def plain(text: str) -> str:
-    """Return a line of Markdown as plain text."""
-    return re.sub(r"\*\*|`|\\(?=[^\w\s])", "", text)
+    """Return lines of Markdown as plain text."""
+    return re.sub(r"(?m)^> |\*\*|`|\\(?=[^\w\s])", "", text)
 
 
 def capital(text: str) -> str:

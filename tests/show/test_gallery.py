@@ -189,11 +189,9 @@ REPORTS = {
     "report_of_a_study": lambda x, folder: study_report.make_study_report(x.table, folder)[
         0
     ].markdown(),
-    "report_of_a_sizing": _written(
-        lambda x, folder: sizing_report.write_sizing_report(
-            SIZING, x.verdicts, folder, "2 of 16 runs failed"
-        )
-    ),
+    "report_of_a_sizing": lambda x, folder: sizing_report.sizing_report(
+        SIZING, x.verdicts, "2 of 16 runs failed"
+    ).markdown(),
     "report_of_a_replay": _written(lambda x, folder: replay_report.write_replay(x.replay, folder)),
     "report_of_an_identification": _written(_identified),
     "report_of_a_learning": _written(

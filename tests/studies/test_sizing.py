@@ -16,7 +16,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import find_file
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.show.reports.sizing import sizing_lines, write_sizing_report
+from sdt_drake.show.reports.sizing import sizing_report
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
 from sdt_drake.studies.store import DATABASE
@@ -177,7 +177,7 @@ def test_sizing_answer_agrees_with_its_table(outcome, file_regression):
         table = dataclasses.replace(table, runs=table.runs.replace("infeasible", "failed"))
         assert failures(table) == "24 of 32 runs failed: no link 'payload' (row 1)"
     verdicts = judge_candidates(SMALL, table)
-    lines = sizing_lines(SMALL, verdicts)
+    lines = sizing_report(SMALL, verdicts, "").lines()
     assert front_of(verdicts).any() != lines[0].startswith("No motor set of 8")
     file_regression.check("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -210,7 +210,7 @@ def test_missed_limits_have_readable_units(outcomes, missed):
 
 def test_page_without_sufficient_motors_names_the_missed_limits(tmp_path, undrawn):
     bad = GOOD | {"used_torque_share_2": 1.5}
-    write_sizing_report(SMALL, judged(lambda x: bad), tmp_path, "")
+    sizing_report(SMALL, judged(lambda x: bad), "").write(tmp_path)
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "**No motor set of 8 meets all requirements.** They miss most often: with pi," in text
     assert "Offer stronger motors" in text and "```" not in text

@@ -9,9 +9,9 @@ from typing import Any
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.resources import PACKAGE_PREFIX
-from sdt_drake.io.shown import aligned, formatted, listed
+from sdt_drake.io.shown import formatted, listed
 from sdt_drake.show import sections as doc
-from sdt_drake.show.documents import MARKDOWN, REPORT, written
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
 from sdt_drake.show.figures.fronts import sizing_front
 from sdt_drake.show.sections import Marked, joined, said
 from sdt_drake.show.style import pictures
@@ -25,90 +25,37 @@ FILES = (*pictures(FIGURE), MARKDOWN, REPORT)
 _MIN_MARGIN = 0.1  # share of a limit; motors with less are named
 
 
-def write_sizing_report(
-    sizing: Sizing, verdicts: Sequence[Verdict], folder: Path, failed: str
-) -> None:
-    """Write the figure and the report of a sizing into a folder.
+def sizing_report(sizing: Sizing, verdicts: Sequence[Verdict], failed: str) -> Report:
+    """Make the report of a sizing.
 
     Args:
         sizing: the sizing.
         verdicts: verdicts on all candidates with all controllers.
-        folder: the folder.
         failed: failed runs in a sentence; "" if there are none.
-
-    Raises:
-        InputError: if a file cannot be written.
     """
-    written("sizing", {
-        **_values(sizing, verdicts),
-        "name": sizing.name, "failed": said("> {}", failed) if failed else "",
-        f"{FIGURE}.png": sizing_front(f"{sizing.name}: motors and tracking", verdicts),
-    }).write(folder)  # fmt: skip
-
-
-def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
-    """Return the result as text: the answer, each controller's set, then margins and motors."""
-    shown = _values(sizing, verdicts)
-    advice = "" if shown["fields"] else shown["next"]
-    lines = doc.plain("\n".join([shown["answer"], shown["in_short"], advice])).splitlines()
-    for table in (*shown["margins"], shown["motors"]):
-        lines += [
-            "",
-            *[table.title] * bool(table.title),
-            *aligned(table.header, table.rows, 1, 100),
-        ]
-    return lines
-
-
-def _values(sizing: Sizing, verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """Return texts and tables of the report by name."""
     answers = [_answer(sizing, verdicts, label) for label in sizing.controllers]
     answers.sort(key=_heavy)
-    best = answers[0] if answers[0]["chosen"] else None
-    count = len(verdicts) // len(sizing.controllers)
-    return {
-        "answer": _best(sizing, answers, count) if best else _none(answers, count),
+    best, count = answers[0], len(verdicts) // len(sizing.controllers)
+    chosen = best["chosen"]
+    sets = [(x["label"], x["chosen"].candidate) for x in answers if x["chosen"]]
+    unjudged = any(x["unjudged"] for x in answers)
+    missed = [f"with {x['label']}, {'; '.join(x['reasons'])}" for x in answers]
+    return written("sizing", {
+        "name": sizing.name, "failed": failed or None, "count": count,
+        "set": _set(chosen) if chosen else None, "mass": chosen and chosen.mass,
+        "labels": chosen and listed([x for x, one in sets if one == chosen.candidate]),
+        "motions": ", ".join(map(short_name, sizing.motions)), "kept": best["kept"],
+        "lighter": best["lighter"] or None, "reasons": "; ".join(best["reasons"]),
+        "none": None if chosen else count, "missed": "; ".join(missed),
+        "meets": "is known to meet all requirements, as runs failed" if unjudged
+        else "meets all requirements",
         "in_short": doc.bullets(_in_short(answer, count) for answer in answers),
-        "next": doc.bullets(_next(best)),
-        "fields": doc.fenced(best["fields"]) if best else "",
+        "tight": "below a tenth" if best["tight"] else None,
+        "fields": doc.fenced(best["fields"]) if chosen else None,
         "margins": [x for one in answers for x in (one["margins"], one["out"]) if x],
         "motors": motor_table(sizing, verdicts),
-    }
-
-
-def _best(sizing: Sizing, answers: Sequence[dict[str, Any]], count: int) -> Marked:
-    """Return the lightest set that meets all requirements, and why lighter ones do not."""
-    best = answers[0]
-    text = said(
-        "**{}: {:g} kg of motors are enough, with {}.** It is the lightest set that meets all "
-        "requirements in {}; {} of {} sets do.",
-        _set(best["chosen"]),
-        best["chosen"].mass,
-        listed(
-            [
-                x["label"]
-                for x in answers
-                if x["chosen"] and x["chosen"].candidate == best["chosen"].candidate
-            ]
-        ),
-        ", ".join(map(short_name, sizing.motions)),
-        best["kept"],
-        count,
-    )
-    if not best["lighter"]:
-        return text
-    reasons = "; ".join(best["reasons"])
-    lighter = said("Lighter sets ({}) miss, most often first: {}.", best["lighter"], reasons)
-    return joined([text, lighter], " ")
-
-
-def _none(answers: Sequence[dict[str, Any]], count: int) -> Marked:
-    """Return what all sets miss, for each controller."""
-    missed = "; ".join(f"with {x['label']}, {'; '.join(x['reasons'])}" for x in answers)
-    meets = "meets all requirements"
-    if any(x["unjudged"] for x in answers):
-        meets = "is known to meet all requirements, as runs failed"
-    return said("**No motor set of {} {}.** They miss most often: {}.", count, meets, missed)
+        f"{FIGURE}.png": sizing_front(f"{sizing.name}: motors and tracking", verdicts),
+    })  # fmt: skip
 
 
 def _in_short(answer: dict[str, Any], count: int) -> Marked:
@@ -136,31 +83,6 @@ def _set(verdict: Verdict) -> str:
     scale = verdict.candidate.structure_scale
     scaled = f" at structure scale {scale:g}" if scale != 1 else ""
     return ", ".join(verdict.candidate.motors) + scaled
-
-
-def _next(best: dict[str, Any] | None) -> list[Marked]:
-    """Return what to do next."""
-    if best is None:
-        return [_STRONGER, _AGAIN]
-    return [_LOOK, _TIGHT, _AGAIN] if best["tight"] else [_LOOK, _AGAIN]
-
-
-_STRONGER = Marked(
-    "Offer stronger motors for the joints of the first table, relax `requirements`, or "
-    "slow the motions down with `planner: retiming` and `stretch`."
-)
-_LOOK = Marked(
-    "Copy the fields below into the scenario, and look at a run: `sdt-drake simulate SCENARIO "
-    "--out run.html`."
-)
-_TIGHT = Marked(
-    "Masses and friction are rarely known better than the smallest margin here, below a tenth: "
-    "run `sdt-drake study` to see how often the limits are met."
-)
-_AGAIN = Marked(
-    "To change requirements, motions or catalogue, edit the sizing's file and run it into "
-    "another folder."
-)
 
 
 def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str, Any]:
