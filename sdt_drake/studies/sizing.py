@@ -12,19 +12,8 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.analysis.stopping import Stopping
+from sdt_drake.io import fields
 from sdt_drake.io.errors import InputError, within
-from sdt_drake.io.fields import (
-    FileOf,
-    Input,
-    NonEmpty,
-    NotNegative,
-    Number,
-    Positive,
-    Problems,
-    Text,
-    check_joints,
-    field,
-)
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.motion import Planner
@@ -36,31 +25,33 @@ from sdt_drake.studies.study import Study, Variable
 
 
 @dataclass(frozen=True)
-class Requirements(Input):
+class Requirements(fields.Input):
     """The requirements of a device: the largest allowed value of each outcome, in every motion.
 
     A list has one value for all joints, or one for each joint.
     """
 
-    max_abs_speed_error: NonEmpty[Positive] = field(unit="rad/s", side="joint")
+    max_abs_speed_error: fields.NonEmpty[fields.Positive] = fields.field(unit="rad/s", side="joint")
     """Largest speed error."""
-    max_abs_position_error_deg: NonEmpty[Positive] | None = field(None, unit="deg", side="joint")
+    max_abs_position_error_deg: fields.NonEmpty[fields.Positive] | None = fields.field(
+        None, unit="deg", side="joint"
+    )
     """Largest position error; unlimited by default."""
-    used_torque_share: Positive = field(1.0, unit="-")
+    used_torque_share: fields.Positive = fields.field(1.0, unit="-")
     """Largest torque over the motor's peak torque."""
-    torque_at_speed_share: Positive = field(1.0, unit="-")
+    torque_at_speed_share: fields.Positive = fields.field(1.0, unit="-")
     """Largest torque of the planned motion over the torque that the motor has at that speed."""
-    winding_temperature: Positive = field(1.0, unit="-")
+    winding_temperature: fields.Positive = fields.field(1.0, unit="-")
     """Largest temperature rise of the winding over the rise at constant rated torque."""
-    saturated_fraction: NotNegative = field(0.0, unit="-")
+    saturated_fraction: fields.NotNegative = fields.field(0.0, unit="-")
     """Largest share of time in which a motor is at its torque limit."""
-    stretch: NotNegative = field(0.0, unit="-")
+    stretch: fields.NotNegative = fields.field(0.0, unit="-")
     """Largest extra duration of a planned motion over its commanded duration."""
-    stops: Stopping | None = field(None)
+    stops: Stopping | None = fields.field(None)
     """Emergency stop whose limits are kept from every instant of each run; none by default. The
     brakes are those of the candidate's motors."""
 
-    def problems(self) -> Problems:
+    def problems(self) -> fields.Problems:
         if self.stops is not None and self.stops.limits.is_none:
             yield "stops.limits", "none, expected a limit that the stops keep"
 
@@ -84,40 +75,40 @@ class Requirements(Input):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sizing(Input):
+class Sizing(fields.Input):
     """A sizing: candidates for the motors of a device, and their requirements."""
 
     name: str = ""
     """Short name; the name of the file by default."""
-    scenario: Annotated[Text, FileOf("scenario")]
+    scenario: Annotated[fields.Text, fields.FileOf("scenario")]
     """Base scenario, with the coupled plant: a file relative to this file's folder, or the name
     of a shipped one."""
-    device: DeviceChoice = field(DeviceChoice)
+    device: DeviceChoice = fields.field(DeviceChoice)
     """Device settings of all candidates: `fitted`, `catalogue`, `gear_ratio`, `payload`,
     `stiffness_exponent`. Leave `motors` and `structure_scale` out."""
-    motors: NonEmpty[NonEmpty[str]]
+    motors: fields.NonEmpty[fields.NonEmpty[str]]
     """Motor ids for each joint, base to tip; every combination is a motor set."""
-    structure_scales: NonEmpty[Positive] = field((1.0,), unit="-")
+    structure_scales: fields.NonEmpty[fields.Positive] = fields.field((1.0,), unit="-")
     """Structure scales; every motor set is tried with each of them."""
-    motions: NonEmpty[Annotated[str, FileOf("motion")]]
+    motions: fields.NonEmpty[Annotated[str, fields.FileOf("motion")]]
     """Motions that every candidate must do: files, or names of shipped ones."""
-    controllers: NonEmpty[str]
+    controllers: fields.NonEmpty[str]
     """Controller labels: "pi", "p_pi+id"; each gets its own recommendation."""
     planner: Planner = "limiter"
     """Planner of the motions. With "limiter" a motor set that is too weak for a motion is
     infeasible. With "retiming" the motion takes longer, which `stretch` limits."""
-    torque_margin: Number = field(1.0, gt=0, le=1, unit="-")
+    torque_margin: fields.Number = fields.field(1.0, gt=0, le=1, unit="-")
     """Share of the motors' torque that the planner may use."""
-    pause: NotNegative = field(0.0, unit="s")
+    pause: fields.NotNegative = fields.field(0.0, unit="s")
     """Rest between two runs of a motion, in which the windings cool; back to back by default."""
     requirements: Requirements
     """Requirements that every candidate must meet."""
-    accuracy: Number = field(0.001, ge=1e-12, le=0.01, unit="rad/s")
+    accuracy: fields.Number = fields.field(0.001, ge=1e-12, le=0.01, unit="rad/s")
     """Accuracy of simulated speeds."""
-    timeout: Positive = field(300.0, unit="s")
+    timeout: fields.Positive = fields.field(300.0, unit="s")
     """Longest computing time of a run; a longer run is stopped and counts as timed out."""
 
-    def problems(self) -> Problems:
+    def problems(self) -> fields.Problems:
         lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
         # Reports show scales in this format and motions by short name: both must differ.
         lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]
@@ -135,7 +126,7 @@ class Sizing(Input):
         if not self.device.fitted:
             yield "device.fitted", "missing, expected the motors of the robot file, '' for none"
         with within(place="device"):
-            check_joints(self.device, "", self.n)
+            fields.check_joints(self.device, "", self.n)
         catalogue = self.catalogue
         for k, ids in enumerate(self.motors):
             fitted = self.device.fitted[k] if self.device.fitted else ""
@@ -247,7 +238,7 @@ def load_sizing(
         for motion in sizing.motions:
             find_file(motion, "motion")
         base = sizing.base(scenario)
-        check_joints(base, "", sizing.n)
+        fields.check_joints(base, "", sizing.n)
         sizing.study().validate(base)
     return sizing, base
 

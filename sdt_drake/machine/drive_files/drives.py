@@ -9,18 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.io import fields
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import (
-    EachJoint,
-    Input,
-    Integer,
-    NonEmpty,
-    Number,
-    Positive,
-    Problems,
-    check_joints,
-    field,
-)
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.robot import Robot
 
@@ -48,30 +38,30 @@ SPEED_UNITS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis(Input):
+class Axis(fields.Input):
     """The drive of a joint; **motor side**."""
 
-    increments: Integer = field(ge=1, unit="increments", side="motor")
+    increments: fields.Integer = fields.field(ge=1, unit="increments", side="motor")
     """Encoder increments per turn of the motor."""
-    gear_ratio: Positive | None = field(None, unit="-")
+    gear_ratio: fields.Positive | None = fields.field(None, unit="-")
     """Motor speed over joint speed; the robot's gear ratio by default."""
-    sign: Integer = field(1, unit="-")
+    sign: fields.Integer = fields.field(1, unit="-")
     """Direction: 1, or -1 if the motor turns against its joint."""
-    zero: Integer = field(0, unit="increments")
+    zero: fields.Integer = fields.field(0, unit="increments")
     """Encoder increments at joint angle 0."""
     speed_unit: Literal["increments/s", "rpm", "0.1 rpm", "0.01 rpm", "0.001 rpm"] = "increments/s"
     """Unit of target velocity and velocity offset."""
-    rated_torque: Positive = field(unit="N m", side="motor")
+    rated_torque: fields.Positive = fields.field(unit="N m", side="motor")
     """Rated (or standstill) torque, to which torques in per mille refer (6076h)."""
-    maximum_torque: Positive | None = field(None, unit="N m", side="motor")
+    maximum_torque: fields.Positive | None = fields.field(None, unit="N m", side="motor")
     """Maximum torque of the drive; by default the largest per mille value of 16 bits, if the
     drive reads torques."""
-    objects: NonEmpty[Literal["607Ah", "60FFh", "60B1h", "60B2h", "6071h"]] = field(
+    objects: fields.NonEmpty[Literal["607Ah", "60FFh", "60B1h", "60B2h", "6071h"]] = fields.field(
         ("607Ah", "60B1h", "60B2h")
     )
     """CiA 402 objects that the drive reads in every cycle."""
 
-    def problems(self) -> Problems:
+    def problems(self) -> fields.Problems:
         if self.sign not in (1, -1):
             yield "sign", f"{self.sign}, expected 1 or -1"
         for i, index in enumerate(self.objects):
@@ -82,14 +72,14 @@ class Axis(Input):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drives(Input):
+class Drives(fields.Input):
     """The drives of a device."""
 
     notes: str = ""
     """Remarks; not used."""
-    cycle_time: Number = field(gt=0, le=1, unit="s")
+    cycle_time: fields.Number = fields.field(gt=0, le=1, unit="s")
     """Drive period: time between two set points."""
-    axes: EachJoint[Axis]
+    axes: fields.EachJoint[Axis]
     """Drives of the joints, base to tip."""
 
     def zeros(self) -> Array:
@@ -147,5 +137,5 @@ def load_drives(path: str | Path, n: int) -> Drives:
     0.001
     """
     drives, file = load_yaml(Drives, path, "drives")
-    check_joints(drives, file, n)
+    fields.check_joints(drives, file, n)
     return drives

@@ -13,16 +13,8 @@ from sdt_drake.io.files import checked_output, replacing_files, write_text
 from sdt_drake.io.markdown import escaped
 from sdt_drake.io.results import Results
 from sdt_drake.io.versions import versions
-from sdt_drake.machine.drive_files import formats
+from sdt_drake.machine.drive_files import formats, set_points
 from sdt_drake.machine.drive_files.drives import Drives, load_drives
-from sdt_drake.machine.drive_files.set_points import (
-    Integers,
-    Samples,
-    SetPoints,
-    samples_from,
-    samples_of,
-    set_points,
-)
 from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design, as_design, make_design
 from sdt_drake.run.scenario import Scenario
@@ -40,13 +32,13 @@ FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK, READ_ME)
 class Exported:
     """The contents of the files of an exported motion."""
 
-    samples: Samples
+    samples: set_points.Samples
     """Samples of the motion at the drive period."""
-    points: SetPoints
+    points: set_points.SetPoints
     """Integers in CSV and ST."""
-    cam: Integers
+    cam: set_points.Integers
     """Integers in CAM, see `formats.cam_table`."""
-    own: Samples
+    own: set_points.Samples
     """Samples in TRAJECTORY, at the interpolation period."""
 
 
@@ -158,8 +150,8 @@ def write_files(
         own = _commanded(design, motion.period)
     still = _commanded(design, drives.cycle_time, still=True)
     with within(source):
-        points = set_points(robot, drives, samples)
-        rest = set_points(robot, drives, still)
+        points = set_points.set_points(robot, drives, samples)
+        rest = set_points.set_points(robot, drives, still)
     cam = formats.cam_table(robot, drives, samples, cam_points)
     with replacing_files(folder) as new:
         formats.write_csv(new / CSV, drives, points)
@@ -171,7 +163,7 @@ def write_files(
 
 
 def _write_read_me(
-    path: Path, design: Design, drives: Drives, points: SetPoints, title: str
+    path: Path, design: Design, drives: Drives, points: set_points.SetPoints, title: str
 ) -> None:
     """Write what an engineer needs to know before the drives play the files."""
     robot = design.device.nominal
@@ -201,7 +193,7 @@ def _rows(rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(f"| {' | '.join(map(escaped, row))} |" for row in rows)
 
 
-def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:
+def _commanded(design: Design, period: float, *, still: bool = False) -> set_points.Samples:
     """Return the exported samples of a design, or those of its standstill before the motion.
 
     A learned reference already compensates for its loop's errors. Torques that this loop did not
@@ -215,7 +207,7 @@ def _commanded(design: Design, period: float, *, still: bool = False) -> Samples
         rest = np.zeros((2, robot.n))
         motion, tau_ff = Motion.from_speeds(period, motion.q[0], rest), rest + feedforward.steady
     torque = np.zeros_like(motion.q) if tau_ff is None else tau_ff * robot.gear_ratio
-    return samples_of(robot, motion, period, torque if is_learned else None)
+    return set_points.samples_of(robot, motion, period, torque if is_learned else None)
 
 
 def cycles_in_a_period(design: Design, drives: Drives) -> int:
@@ -232,7 +224,7 @@ def play_back(design: Design, drives: Drives, exported: Exported) -> list[Playba
     robot, whole = design.device.nominal, exported.samples
     m = cycles_in_a_period(design, drives)
     exact = _commanded(design, m * drives.cycle_time)
-    points = samples_from(robot, drives, exported.points, whole.q[0])
+    points = set_points.samples_from(robot, drives, exported.points, whole.q[0])
     cam = formats.samples_from_cam(robot, drives, exported.cam)
     nothing = np.zeros(robot.n)
     off = {x: np.abs(y.q - whole.q).max(axis=0) for x, y in ((CSV, points), (CAM, cam))}
@@ -250,11 +242,13 @@ def play_back(design: Design, drives: Drives, exported: Exported) -> list[Playba
     return [motion, csv, replace(csv, source=ST), *others]  # CSV and ST have the same integers
 
 
-def _playback(design: Design, source: str, samples: Samples, position_off: Array) -> Playback:
+def _playback(
+    design: Design, source: str, samples: set_points.Samples, position_off: Array
+) -> Playback:
     """Simulate the loop fed from samples."""
     made = _with_samples(design, samples)
     recording = simulate(made)
-    wanted = samples_of(design.device.nominal, design.reference.planned, samples.period)
+    wanted = set_points.samples_of(design.device.nominal, design.reference.planned, samples.period)
     return Playback(
         source,
         made.tuning.feedforward.along is not None,
@@ -264,7 +258,7 @@ def _playback(design: Design, source: str, samples: Samples, position_off: Array
     )
 
 
-def _with_samples(design: Design, samples: Samples) -> Design:
+def _with_samples(design: Design, samples: set_points.Samples) -> Design:
     """Return the design with samples as its reference and torque feedforward, if any."""
     period, v = samples.period, samples.v
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])

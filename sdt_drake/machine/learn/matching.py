@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import correlate
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -122,14 +124,10 @@ def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     first, last = np.divide(_moving(recorded, motion), step)
     own = np.arange(int(recorded.time[-1] / step) + 1.0) * step
     sought = np.arange(np.floor(first), last + 1) * step
-    length = 2 ** (len(own) + len(sought) - 3).bit_length()
-    alike = np.zeros(length // 2 + 1, dtype=complex)
-    for x, q in zip(values.T, motion.q.T, strict=True):  # one joint at a time saves memory
-        spectrum = np.fft.rfft(np.diff(np.interp(sought, motion.time, q)), length).conj()
-        spectrum *= np.fft.rfft(np.diff(np.interp(own, recorded.time, x)), length)
-        alike += spectrum
-    lag = int(np.fft.irfft(alike, length).argmax())
-    return float((lag - length if lag >= len(own) - 1 else lag) - np.floor(first)) * step
+    steps = (np.diff(np.interp(own, recorded.time, x)) for x in values.T)
+    wanted = (np.diff(np.interp(sought, motion.time, q)) for q in motion.q.T)
+    alike = sum(map(partial(correlate, method="fft"), steps, wanted))
+    return float(np.argmax(alike) - (len(sought) - 2) - np.floor(first)) * step
 
 
 def _found(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, float]:

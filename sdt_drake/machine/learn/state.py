@@ -14,19 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sdt_drake.io import fields
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import (
-    EachJoint,
-    EachJointOrNone,
-    Input,
-    Integer,
-    NotNegative,
-    Number,
-    Values,
-    check_joints,
-    field,
-)
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.diagnose import constants as c
@@ -44,20 +34,20 @@ SCENARIO = "scenario.yaml"
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialRecord(Input):
+class TrialRecord(fields.Input):
     """The result of a real trial from its recordings: one file in the folder of the learning."""
 
-    reference: Integer = field(1, ge=1)
+    reference: fields.Integer = fields.field(1, ge=1)
     """Number of the flown reference; 1 is the planned motion."""
-    recordings: Integer = field(1, ge=1)
+    recordings: fields.Integer = fields.field(1, ge=1)
     """Number of recordings of the trial."""
-    largest: EachJoint[NotNegative] = field(unit="rad", side="joint")
+    largest: fields.EachJoint[fields.NotNegative] = fields.field(unit="rad", side="joint")
     """Largest |error| of the recordings' mean."""
-    rms: EachJoint[NotNegative] = field(unit="rad", side="joint")
+    rms: fields.EachJoint[fields.NotNegative] = fields.field(unit="rad", side="joint")
     """RMS error that repeats: that of the mean, less the remaining noise."""
-    floor: EachJointOrNone[NotNegative] = field((), unit="rad", side="joint")
+    floor: fields.EachJointOrNone[fields.NotNegative] = fields.field((), unit="rad", side="joint")
     """RMS error that does not repeat; only with several recordings."""
-    shifts: Values[Number] = field((), unit="s")
+    shifts: fields.Values[fields.Number] = fields.field((), unit="s")
     """Start of the motion in each recording."""
 
     @property
@@ -102,7 +92,7 @@ def read_state(folder: Path, design: Design) -> State:
     for number in range(1, 1 + count_trials(folder)):
         file = trial_file(folder, number)
         trial, _ = load_yaml(TrialRecord, file)
-        check_joints(trial, file, design.device.simulated.n)
+        fields.check_joints(trial, file, design.device.simulated.n)
         if trial.reference > len(references):
             raise InputError(
                 f"{file}: reference: {trial.reference}, expected 1 to {len(references)}"

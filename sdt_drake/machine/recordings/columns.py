@@ -6,16 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from sdt_drake.io.fields import (
-    EachJoint,
-    Input,
-    Names,
-    NonEmptyNames,
-    Number,
-    Positive,
-    Problems,
-    field,
-)
+from sdt_drake.io import fields
 from sdt_drake.io.numbers import Style
 from sdt_drake.io.yaml_files import load_yaml
 
@@ -31,7 +22,7 @@ torque, its mean over the sample period before, torque feedforward."""
 
 
 @dataclass(frozen=True)
-class Layout(Input):
+class Layout(fields.Input):
     """The format of a file of columns, and the time of its rows."""
 
     delimiter: Literal["comma", "semicolon", "tab", "space", "pipe", ",", ";", "|"] = "comma"
@@ -42,14 +33,14 @@ class Layout(Input):
     """Decimal mark in the numbers: point or comma."""
     encoding: str = "utf-8"
     """Encoding of the text, such as latin-1 or utf-16."""
-    skip: int = field(0, ge=0, le=1000, unit="-")
+    skip: int = fields.field(0, ge=0, le=1000, unit="-")
     """Number of lines to skip before the header or the first row."""
     time: str = "time"
     """Column of the time, in numbers, dates or times of day; "" if the file has none, then give
     `rate`."""
-    time_factor: Positive = field(1.0, unit="s")
+    time_factor: fields.Positive = fields.field(1.0, unit="s")
     """Unit of the time column: 0.001 for milliseconds."""
-    rate: Positive | None = field(None, unit="Hz")
+    rate: fields.Positive | None = fields.field(None, unit="Hz")
     """Sample rate of a file without a time column."""
 
     @property
@@ -59,7 +50,7 @@ class Layout(Input):
         decimal = DECIMALS[self.decimal]
         return Style(delimiter, self.header, self.skip, decimal, self.encoding)
 
-    def problems(self) -> Problems:
+    def problems(self) -> fields.Problems:
         if self.decimal == "comma" and self.delimiter in ("comma", ","):
             yield "decimal", "comma is the delimiter, too; expected point, or another delimiter"
         try:
@@ -80,21 +71,21 @@ class Columns(Layout):
     whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
     """
 
-    q: NonEmptyNames = field(("q_{k}",))
+    q: fields.NonEmptyNames = fields.field(("q_{k}",))
     """Columns of the positions."""
-    v: Names = field(("v_{k}",))
+    v: fields.Names = fields.field(("v_{k}",))
     """Columns of the speeds (optional)."""
-    tau: NonEmptyNames = field(("tau_{k}",))
+    tau: fields.NonEmptyNames = fields.field(("tau_{k}",))
     """Columns of the torques."""
-    tau_mean: Names = field(("tau_mean_{k}",))
+    tau_mean: fields.Names = fields.field(("tau_mean_{k}",))
     """Columns of the mean torques over the sample period before; `identify` prefers them."""
-    q_ref: Names = field(("q_ref_{k}",))
+    q_ref: fields.Names = fields.field(("q_ref_{k}",))
     """Columns of the position reference, for `replay`."""
-    v_ref: Names = field(("v_ref_{k}",))
+    v_ref: fields.Names = fields.field(("v_ref_{k}",))
     """Columns of the speed reference, for `replay`."""
-    vd_ref: Names = field(("vd_ref_{k}",))
+    vd_ref: fields.Names = fields.field(("vd_ref_{k}",))
     """Columns of the acceleration reference, for `replay`."""
-    tau_ff: Names = field(("tau_ff_{k}",))
+    tau_ff: fields.Names = fields.field(("tau_ff_{k}",))
     """Columns of the torque feedforward, for `replay`."""
     angle: Literal["rad", "deg"] = "rad"
     """Unit of positions and speeds: "rad" or "deg"."""
@@ -104,18 +95,22 @@ class Columns(Layout):
     side: Side | None = None
     """Side of torques: "joint" or "motor". The default is the motor side for recordings of
     `simulate`, else the joint side."""
-    position_offset: EachJoint[Number] | None = field(None, unit="rad", side="joint")
+    position_offset: fields.EachJoint[fields.Number] | None = fields.field(
+        None, unit="rad", side="joint"
+    )
     """Values added to q and q_ref of each joint; 0 by default."""
-    direction: EachJoint[Annotated[Number, Field(ge=-1, le=1)]] | None = field(None, unit="-")
+    direction: fields.EachJoint[Annotated[fields.Number, Field(ge=-1, le=1)]] | None = fields.field(
+        None, unit="-"
+    )
     """Direction of each joint: 1, or -1 if positions, speeds and torques have the opposite sign
     of the robot's file; 1 by default."""
-    torque_delay: Number = field(0.0, ge=-1, le=1, unit="s")
+    torque_delay: fields.Number = fields.field(0.0, ge=-1, le=1, unit="s")
     """Delay of recorded torques behind positions, such as half the period of a drive that holds
     them."""
-    torque_factor: EachJoint[Number] | None = field(None, unit="N m per unit")
+    torque_factor: fields.EachJoint[fields.Number] | None = fields.field(None, unit="N m per unit")
     """Factor from each torque or current column to N m; 1 by default."""
 
-    def problems(self) -> Problems:
+    def problems(self) -> fields.Problems:
         yield from Layout.problems(self)
         if any(abs(x) != 1 for x in self.direction or []):
             yield "direction", f"{self.direction}, expected 1 and -1"

@@ -26,23 +26,12 @@ from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.dynamics import InertiaRange, Loads
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.recording import Recording
+from sdt_drake.show import style
 from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401
 from sdt_drake.show.figures.scope import MOTOR_TORQUE
 from sdt_drake.show.figures.scope import scope as scope
 from sdt_drake.show.panels import LIMIT, over_time, picture
-from sdt_drake.show.style import (
-    LOOKS,
-    PALETTE,
-    Look,
-    Picture,
-    finish,
-    grid,
-    joint_title,
-    looks_of,
-    nth_look,
-    plain_numbers,
-    style,
-)
+from sdt_drake.show.style import Look
 
 _MAX_LISTED = 4  # joints; above a panel is no room for more numbers
 _MIN_ROOM = 0.005  # share of an inertia, so that round-off does not fill a panel
@@ -59,7 +48,7 @@ def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figu
         ("speed [rad/s]", motion.v, ()),
         ("acceleration [rad/s²]", motion.vd, ()),
     )
-    look = LOOKS["reference"]
+    look = style.LOOKS["reference"]
     panels = [over_time(label, motion.time, [("", look, x)], names) for label, x, names in columns]
     return picture(title, panels, width=2.5)
 
@@ -68,8 +57,8 @@ def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figu
 def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
     """Draw step responses of the speed loop by name, with their metrics (Figure 4)."""
     names = {1.0: "PI on the error", 0.0: "I-P"}
-    with style():
-        figure = Picture(figsize=(6.4, 4), layout="constrained")
+    with style.style():
+        figure = style.Picture(figsize=(6.4, 4), layout="constrained")
         ax = figure.subplots()
         ax.axhspan(0.98, 1.02, color="0.9", label="±2 %")
         for step in steps.values():
@@ -80,7 +69,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
                 f"{name}, ζ = {step.zeta:g}: rise {rise} s, settling {settling} s, "
                 f"overshoot {m.overshoot_percent:.2f} %"
             )
-            ax.plot(step.time, step.speed, color=PALETTE[round(6 - 5 * b)], label=label)
+            ax.plot(step.time, step.speed, color=style.PALETTE[round(6 - 5 * b)], label=label)
         # Twice the settling time, or all of a response that does not settle (NaN).
         end = max(np.fmin(2 * x.metrics.settling_time, x.time[-1]) for x in steps.values())
         ax.set(xlim=(0, end), ylim=(0, None), xlabel="time [s]", ylabel="motor speed [rad/s]")
@@ -93,7 +82,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
 @typed
 def loop_step(response: LoopStep) -> Figure:
     """Draw the response of a loop to a step, a row for each joint."""
-    names, look, t = response.design.device.simulated.joint_names, nth_look(0), response.time
+    names, look, t = response.design.device.simulated.joint_names, style.nth_look(0), response.time
     degrees = np.degrees(response.position_error)
     torque, cut = [("", MOTOR_TORQUE, response.tau)], response.saturated
     panels = [
@@ -110,7 +99,7 @@ def loop_step(response: LoopStep) -> Figure:
 def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> Figure:
     """Draw joint speeds of runs and their reference, a panel for each joint (Figure 7)."""
     first = next(iter(runs.values()))
-    lines = [("reference", LOOKS["reference"], first.v_ref)]
+    lines = [("reference", style.LOOKS["reference"], first.v_ref)]
     lines += [(label, look, runs[label].v) for label, look in _looks(runs)]
     return picture(title, [over_time("speed [rad/s]", first.time, lines, joint_names)])
 
@@ -146,7 +135,7 @@ def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Fig
     lines = [
         ("limits, widened by the alleviating torque", LIMIT, upper),
         ("_lower", LIMIT, lower),
-        ("load torque", Look(PALETTE[5]), recording.load_torque),
+        ("load torque", Look(style.PALETTE[5]), recording.load_torque),
         ("motor torque", MOTOR_TORQUE, recording.tau),
     ]
     return picture(
@@ -173,14 +162,14 @@ def effective_inertia(
     """
     span = InertiaRange.of(i_eff)
     levels = [
-        ("largest", Look(PALETTE[1], "--"), span.maximum),
-        ("median", Look(PALETTE[2], "-."), span.median),
-        ("smallest", Look(PALETTE[3], "--"), span.minimum),
+        ("largest", Look(style.PALETTE[1], "--"), span.maximum),
+        ("median", Look(style.PALETTE[2], "-."), span.median),
+        ("smallest", Look(style.PALETTE[3], "--"), span.minimum),
     ]
     if published_maximum is not None:
         label = "Table 1 (the paper's motion), largest"
-        levels.append((label, Look(PALETTE[6], ":"), np.asarray(published_maximum)))
-    lines = [("effective inertia", Look(PALETTE[0]), i_eff)]
+        levels.append((label, Look(style.PALETTE[6], ":"), np.asarray(published_maximum)))
+    lines = [("effective inertia", Look(style.PALETTE[0]), i_eff)]
     lines += [(label, look, np.broadcast_to(x, i_eff.shape)) for label, look, x in levels]
     notes = [f"variation {percent:.2f} %" for percent in span.variation_percent]
     figure = picture(title, [over_time("inertia [kg m²]", time, lines, joint_names, notes=notes)])
@@ -199,7 +188,8 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
         parts["remainder"] = budget.remainder
     lines = [("speed error", Look("0.75"), budget.whole)]
     lines += [
-        (name, Look(nth_look(i).colour), values) for i, (name, values) in enumerate(parts.items())
+        (name, Look(style.nth_look(i).colour), values)
+        for i, (name, values) in enumerate(parts.items())
     ]
     figure = picture(title, [over_time("speed error [rad/s]", budget.time, lines, joint_names)])
     for ax in figure.axes:
@@ -208,7 +198,7 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
 
 
 def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
-    return list(zip(runs, looks_of(list(runs)), strict=True))
+    return list(zip(runs, style.looks_of(list(runs)), strict=True))
 
 
 # --- controllers side by side ----------------------------------------------------------------
@@ -219,10 +209,10 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
     """Draw controllers side by side: errors, torques, and the share of time with a felt error."""
     names = numbered(compared[0].design.device.simulated.joint_names)
     has_heads = all(has_head(c.design.device.simulated) for c in compared)
-    looks = looks_of([c.label for c in compared])
-    with style():
+    looks = style.looks_of([c.label for c in compared])
+    with style.style():
         bottom = 2.55 if has_heads else 0.85
-        figure, _ = grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
+        figure, _ = style.grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
         for ax, metric in zip(figure.axes, COMPARED, strict=False):  # without the saturation
             values = METRICS[metric].factor * np.array([c.metrics[metric] for c in compared])
             _side_by_side(ax, values, compared, looks, dots=metric.endswith("_error"))
@@ -230,7 +220,7 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
             ax.set_xticks(np.arange(len(names)), names)
         if has_heads:
             _felt(figure, compared, looks)
-        return finish(figure, title)
+        return style.finish(figure, title)
 
 
 def _side_by_side(
@@ -259,7 +249,7 @@ def _side_by_side(
         ax.set_yticks([])
     elif dots:
         ax.set_yscale("log")
-        plain_numbers(ax.yaxis)
+        style.plain_numbers(ax.yaxis)
     ax.set_xlim(-0.5, n - 0.5)
     ax.grid(axis="x", visible=False)
     for k in at[1:]:
@@ -295,15 +285,15 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
         ("speed over its reference", response.tracking, response.bandwidth, -3, 20),
         (f"loop, cut at {response.cut}", response.loop_gain, response.crossover, 0, 60),
     )
-    joints = [joint_title(k, name) for k, name in enumerate(joint_names)]
-    with style():
-        figure, axes = grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
+    joints = [style.joint_title(k, name) for k, name in enumerate(joint_names)]
+    with style.style():
+        figure, axes = style.grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
         for (magnitude, phase), column in zip(axes.T, columns, strict=True):
             label, values, marked, level, top = column
             decibel = 20 * np.log10(np.abs(values))
             degrees = unwrapped_degrees(values, at_crossover=level == 0)
             for k, joint in enumerate(joints):
-                look = nth_look(k)
+                look = style.nth_look(k)
                 own = {"color": look.colour, "linestyle": look.dashes, "label": joint}
                 magnitude.semilogx(response.omega, decibel[:, k], **own)
                 phase.semilogx(response.omega, degrees[:, k], **own)
@@ -314,7 +304,7 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
             phase.set(xlabel="frequency [rad/s]", ylabel="phase [deg]")
             phase.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 1.5, 3, 4.5, 9, 10]))
             phase.margins(x=0)
-            plain_numbers(phase.xaxis)
+            style.plain_numbers(phase.xaxis)
         _mark_margins(axes[:, 1], response, degrees)
         rise = response.gain_margins_db[0]
         quantities = {
@@ -324,14 +314,14 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
         }
         for ax, (name, of_joints) in zip((*axes[0], axes[1, 1]), quantities.items(), strict=True):
             ax.set_title(_of_joints(name, of_joints), loc="right")
-        return finish(figure, title)
+        return style.finish(figure, title)
 
 
 def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degrees: Array) -> None:
     """Mark the margins in the axes of the loop gain, whose phase is `degrees`."""
     magnitude, phase = axes
     for k, crossover in enumerate(response.crossover):
-        look, margin = nth_look(k), response.gain_margin[k]
+        look, margin = style.nth_look(k), response.gain_margin[k]
         thin: dict[str, Any] = {"color": look.colour, "linewidth": 0.8}
         at = np.interp(np.log(crossover), np.log(response.omega), degrees[:, k])
         phase.plot(crossover, at, look.marker, color=look.colour, markersize=4)
@@ -364,30 +354,33 @@ def stability(
         sweeps: sweeps by place of the encoder (a column each) and by drive (a line style each).
         joint_names: n names.
     """
-    with style():
-        figure, axes = grid(2, len(sweeps), panel=(3.95, 2.4), gaps=(1.15, 0.35))
+    with style.style():
+        figure, axes = style.grid(2, len(sweeps), panel=(3.95, 2.4), gaps=(1.15, 0.35))
         for (damping, overshoot), (encoder, by_drive) in zip(axes.T, sweeps.items(), strict=True):
             for i, (drive, sweep) in enumerate(by_drive.items()):
                 for k, name in enumerate(joint_names):
-                    look = {"color": nth_look(k).colour, "linestyle": nth_look(i).dashes}
-                    label = f"{joint_title(k, name)}, {drive}"
+                    look = {
+                        "color": style.nth_look(k).colour,
+                        "linestyle": style.nth_look(i).dashes,
+                    }
+                    label = f"{style.joint_title(k, name)}, {drive}"
                     damping.plot(sweep.ratio, sweep.damping[:, k], label=label, **look)
                     overshoot.plot(sweep.ratio, sweep.overshoot_percent[:, k], **look)
             if all(np.isnan(sweep.overshoot_percent).all() for sweep in by_drive.values()):
                 overshoot.text(0.5, 0.5, "unstable", transform=overshoot.transAxes, ha="center")
             damping.set_title(f"encoder on the {encoder}", loc="left", fontweight="bold")
-            damping.axhspan(-1, 0, color=PALETTE[1], alpha=0.12, linewidth=0)
+            damping.axhspan(-1, 0, color=style.PALETTE[1], alpha=0.12, linewidth=0)
             damping.set(ylim=(-1, 1.02), ylabel="smallest damping ratio")
             overshoot.set(ylim=(0, 100), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
             for ax in (damping, overshoot):
                 rule = ax.axvline(0.5, color="0.4", linestyle=":", label="ω_n = 0.5 ω_r")
                 ax.margins(x=0)
         by_joint = [
-            Line2D([], [], color=nth_look(k).colour, label=joint_title(k, name))
+            Line2D([], [], color=style.nth_look(k).colour, label=style.joint_title(k, name))
             for k, name in enumerate(joint_names)
         ]
         by_loop = [
-            Line2D([], [], color="0.3", linestyle=nth_look(i).dashes, label=loop)
+            Line2D([], [], color="0.3", linestyle=style.nth_look(i).dashes, label=loop)
             for i, loop in enumerate(next(iter(sweeps.values())))
         ]
-        return finish(figure, f"{title} (shaded: unstable)", [*by_joint, *by_loop, rule])
+        return style.finish(figure, f"{title} (shaded: unstable)", [*by_joint, *by_loop, rule])

@@ -57,9 +57,12 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
         "consistent, held out": found.left(found.predicted, held_out=True),
         "error of the fed-forward load [% of its amplitude]": unmeasured_share(found, robot),
     }
+    return _left_table(left, robot)
+
+
+def _left_table(left: dict[str, Array], robot: Robot) -> doc.Table:
     rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
-    header = ("torque not explained [%]", *numbered(robot.joint_names))
-    return doc.Table(header, rows)
+    return doc.Table(("torque not explained [%]", *numbered(robot.joint_names)), rows)
 
 
 def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
@@ -239,8 +242,7 @@ def judged_in_words(judged: Judged) -> list[str]:
 def judged_table(judged: Judged) -> doc.Table:
     """Make the table of the torque not explained by joint, with and without friction."""
     left = {"robot and friction": judged.left, "robot without friction": judged.left_without}
-    rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
-    return doc.Table(("torque not explained [%]", *numbered(judged.robot.joint_names)), rows)
+    return _left_table(left, judged.robot)
 
 
 def _range(values: Array) -> str:

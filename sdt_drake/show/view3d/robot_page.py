@@ -222,8 +222,12 @@ class RobotScene:
 
 
 @freeing_meshcat()
-def robot_page(robot: Robot) -> str:
-    """Return the text of the page that `robot_html` writes."""
+def robot_html(robot: Robot, path: Path) -> None:
+    """Write a page that shows a robot, with sliders for its joints and tables of its data.
+
+    Raises:
+        InputError: if its shapes cannot be drawn, or the file cannot be written.
+    """
     meshcat = open_meshcat()
     shown = RobotScene(robot, meshcat)
     overlay = render_html(
@@ -241,7 +245,7 @@ def robot_page(robot: Robot) -> str:
         field=FIELD_OF_VIEW,
         width=WIDTH,
     )
-    return page_with(meshcat, robot.name, overlay)
+    write_text(path, page_with(meshcat, robot.name, overlay))
 
 
 def _notes(robot: Robot) -> list[Block]:
@@ -252,15 +256,6 @@ def _notes(robot: Robot) -> list[Block]:
         *([changed, bullets(accepted)] if accepted else []),
         *(["Not drawn:", bullets(left_out)] if left_out else []),
     ]
-
-
-def robot_html(robot: Robot, path: Path) -> None:
-    """Write a page that shows a robot, with sliders for its joints and tables of its data.
-
-    Raises:
-        InputError: if its shapes cannot be drawn, or the file cannot be written.
-    """
-    write_text(path, robot_page(robot))
 
 
 @freeing_meshcat()
