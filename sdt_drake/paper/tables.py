@@ -46,10 +46,6 @@ def _value_rows(name: str, value: object) -> list[tuple[str, list[str]]]:
 
 def _listed(value: object) -> str:
     """Return a value of the summary as text."""
-    if isinstance(value, dict):
-        return "; ".join(f"{key.replace('_', ' ')} {_listed(v)}" for key, v in value.items())
-    if isinstance(value, list):
-        return ", ".join(map(_listed, value))
     if value is None:
         return "–"
     if isinstance(value, bool):
