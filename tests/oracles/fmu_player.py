@@ -6,6 +6,7 @@ any other simulator does. Nothing of the package runs on this side of the interf
 
 import tempfile
 from contextlib import contextmanager
+from functools import cache
 
 import numpy as np
 from fmpy import extract, read_model_description
@@ -36,6 +37,7 @@ class Fmu:
             self.put(name, values)
         self.slave.exitInitializationMode()
 
+    @cache  # noqa: B019  # it lives as long as the FMU
     def numbers(self, name):
         return [n for x, n in self._numbers.items() if x.partition("[")[0] == name]
 
