@@ -156,7 +156,7 @@ def test_a_joint_tells_the_speed_at_which_it_reaches_its_stop():
         ({"category": 3}, {}, "category: 3, expected"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_refused(changes, fields, message):
+def test_stopping_that_does_not_fit_the_robot_is_refused(changes, fields, message):
     with pytest.raises(InputError, match=message):
         found(turning(), changes, **fields)
 
@@ -196,7 +196,7 @@ def test_a_motion_whose_stops_exceed_a_limit_at_any_speed_is_refused():
         stoppable(setting, turning())
 
 
-def test_the_table_has_every_instant():
+def test_table_of_stops_has_every_instant():
     result = along(setting_of(0.0, 5e4), turning())
     table = result.to_pandas()
     assert table.index.tolist() == result.time.tolist()

@@ -235,7 +235,7 @@ def test_names_are_escaped_in_the_read_me(robot, motion, tmp_path):
     assert cells[0] == f"{names[0]}: set points for drives"
 
 
-def test_files_hold_what_the_loop_is_fed_from(robot, motion, tmp_path):
+def test_exported_files_hold_the_set_points_of_the_loop(robot, motion, tmp_path):
     design = make_design(Scenario(controller=Pi(omega_r=66.0)), robot=robot, motion=motion)
     drives = drives_with(sign=[1, -1, 1, -1], zero=[0, 7, -500, 2**20])
     exported = write_files(design, drives, tmp_path, cam_points=50, title="x")
