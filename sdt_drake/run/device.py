@@ -1,6 +1,7 @@
 """The device as one diagram, its encoders, and the equilibrium at the start of a run."""
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -21,7 +22,7 @@ from sdt_drake.systems.encoder import set_measured
 from sdt_drake.systems.friction import set_sliding
 from sdt_drake.systems.robot_plant import PlantPorts, add_robot_plant
 from sdt_drake.systems.torque_loop import set_motor_torque
-from sdt_drake.systems.wiring import build, set_state
+from sdt_drake.systems.wiring import build, nested, set_state
 
 
 def make_device(design: Design, *, of_bodies: bool = False) -> Diagram:
@@ -284,13 +285,8 @@ def _holding_torque(design: Design, q: Array, start: Motion) -> Array:
 
 def set_device(device: System, context: Context, design: Design, at: Equilibrium) -> None:
     """Set the state of a device, in its own context, to an equilibrium."""
-
     assert isinstance(device, Diagram)
-
-    def inner(name: str) -> tuple[System, Context]:
-        block = device.GetSubsystemByName(name)
-        return block, device.GetMutableSubsystemContext(block, context)
-
+    inner = partial(nested, device, context)
     if device.HasSubsystemNamed("axis_process"):
         set_state(device, context, "axis_process/motors", np.concatenate([at.q, at.v]))
     if device.HasSubsystemNamed("multibody_plant"):

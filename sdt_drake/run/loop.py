@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -33,7 +33,7 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems import hold_of, motor_windings, reference_source, robot_drawing
 from sdt_drake.systems.motor_windings import set_initial_temperature
 from sdt_drake.systems.reference import start_hold
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import build, nested
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +98,7 @@ class Loop:
         """
         design, start = self.design, initial_state(self.design, q, v)
         at = equilibrium(design, start or steady(design.reference.tracked))
-
-        def own(name: str) -> tuple[System, Context]:
-            block = self.diagram.GetSubsystemByName(name)
-            return block, self.diagram.GetMutableSubsystemContext(block, context)
-
+        own = partial(nested, self.diagram, context)
         hold, held = own("zero_order_hold")
         if isinstance(hold, ZeroOrderHold):
             start_hold(hold, held)

@@ -18,7 +18,7 @@ from sdt_drake.run.simulate import make_simulator, new_integrator
 from sdt_drake.systems.friction import joint_friction, set_sliding
 from sdt_drake.systems.joint_stops import joint_stops
 from sdt_drake.systems.robot_plant import add_robot_plant
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import build, nested
 
 SAMPLE = 0.01
 """Longest time between two samples of a stop [s]."""
@@ -158,9 +158,8 @@ class StopPlant:
         self._context.SetTime(0.0)
         self._plant.SetPositionsAndVelocities(self._of_plant, np.concatenate([q, v]))
         if self._friction is not None:
-            block = self._diagram.GetSubsystemByName("friction")
-            own = self._diagram.GetMutableSubsystemContext(block, self._context)
-            set_sliding(block, own, v, friction=self._friction)
+            block = nested(self._diagram, self._context, "friction")
+            set_sliding(*block, v, friction=self._friction)
         self._simulator.Initialize()
 
     @property

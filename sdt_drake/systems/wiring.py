@@ -1,6 +1,7 @@
 """Parts of diagrams: their names, states and logs."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,13 +50,28 @@ def block_of(
     return build(builder, name)
 
 
+def nested(system: System, context: Context, path: str) -> tuple[Any, Context]:
+    """Return a nested system with its own context.
+
+    Args:
+        system: the outer system.
+        context: its context.
+        path: names of nested systems, from the outside in, such as "lag" or "device/friction".
+    """
+    for name in path.split("/"):
+        assert isinstance(system, Diagram)
+        inner = system.GetSubsystemByName(name)
+        context, system = system.GetMutableSubsystemContext(inner, context), inner
+    return system, context
+
+
 def set_state(system: System, context: Context, path: str, state: ArrayLike) -> None:
     """Set the state of a nested system, continuous or discrete.
 
     Args:
         system: the outer system.
         context: its context.
-        path: names of nested systems, from the outside in, such as "lag" or "device/friction".
+        path: names of nested systems, as for `nested`.
         state: the state of that system.
 
     >>> from pydrake.systems.primitives import Integrator
@@ -67,10 +83,7 @@ def set_state(system: System, context: Context, path: str, state: ArrayLike) -> 
     >>> context.get_continuous_state_vector().CopyToVector()
     array([1., 2.])
     """
-    for name in path.split("/"):
-        assert isinstance(system, Diagram)
-        inner = system.GetSubsystemByName(name)
-        context, system = system.GetMutableSubsystemContext(inner, context), inner
+    _, context = nested(system, context, path)
     if context.num_continuous_states():
         context.SetContinuousState(np.asarray(state, dtype=float))
     else:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
@@ -19,7 +19,7 @@ from sdt_drake.systems.filters import PASS, filter_of, set_filter
 from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.pi import set_integral
 from sdt_drake.systems.torque_loop import torque_unit
-from sdt_drake.systems.wiring import build
+from sdt_drake.systems.wiring import build, nested
 
 
 @dataclass(frozen=True)
@@ -103,23 +103,21 @@ class PiLoops(AntiWindup):
         v, gains = (design.reference.tracked if start is None else start).v[0], design.tuning.gains
         kp_r = self.share(design, 0) * gains.kp * design.device.simulated.gear_ratio
         proportional = -(1 - self.setpoint_weight) * kp_r * v
-        pi = cast(Diagram, system).GetSubsystemByName("pi_speed_controller")
-        own = cast(Diagram, system).GetMutableSubsystemContext(pi, context)
-        set_integral(pi, own, tau - proportional, gains=gains)
+        pi = nested(system, context, "pi_speed_controller")
+        set_integral(*pi, tau - proportional, gains=gains)
         self.start_filters(system, context, design, tau, self.share(design, 0) * v)
 
     def start_filters(
         self, system: System, context: Context, design: Design, tau: Array, v: Array
     ) -> None:
         """Set the filters to a constant torque [N m], motor side, and speed of joints [rad/s]."""
-        zero, diagram = np.zeros_like(v), cast(Diagram, system)
+        zero = np.zeros_like(v)
         steady = {
             "speed_low_pass": np.concatenate([zero, v]),
             "reference_low_pass": np.concatenate([zero, v, zero]),
         }
         for name in self.filters.sections() if self.filters else ():
-            one = cast(LinearSystem, diagram.GetSubsystemByName(name))
-            set_filter(one, diagram.GetMutableSubsystemContext(one, context), steady.get(name, tau))
+            set_filter(*nested(system, context, name), steady.get(name, tau))
 
     def in_words(self, design: Design) -> str:
         b, filtered = self.setpoint_weight, "filtered " * bool(self.filters)

@@ -1,10 +1,10 @@
 """PI speed controllers with a disturbance observer."""
 
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Gain
 
 from sdt_drake.io.arrays import Array
@@ -14,6 +14,7 @@ from sdt_drake.run.controllers.pi import WeightedPi
 from sdt_drake.run.design import Design
 from sdt_drake.systems import disturbance_observer
 from sdt_drake.systems.disturbance_observer import set_disturbance
+from sdt_drake.systems.wiring import nested
 
 
 @dataclass(frozen=True)
@@ -81,13 +82,10 @@ class PiDob(WeightedPi):
         v = (design.reference.tracked if start is None else start).v[0]
         self.start_filters(system, context, design, tau, v)
         robot, g = design.device.simulated, self._bandwidth(design)
-        observer = cast(Diagram, system).GetSubsystemByName("disturbance_observer")
-        own = cast(Diagram, system).GetMutableSubsystemContext(observer, context)
-        momentum, limit = (
-            g * design.tuning.inertia.maximum * robot.gear_ratio,
-            robot.motor_torque_limit,
-        )
-        set_disturbance(observer, own, tau, v, momentum=momentum, motor_torque_limit=limit)
+        observer = nested(system, context, "disturbance_observer")
+        momentum = g * design.tuning.inertia.maximum * robot.gear_ratio
+        limit = robot.motor_torque_limit
+        set_disturbance(*observer, tau, v, momentum=momentum, motor_torque_limit=limit)
 
     def in_words(self, design: Design) -> str:
         return f"{super().in_words(design)} with a disturbance observer"

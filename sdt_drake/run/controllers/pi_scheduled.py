@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal
 
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
@@ -13,6 +13,7 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.options import ChosenFeedforward
 from sdt_drake.systems import gain_schedule, signal_table
 from sdt_drake.systems.reference import start_table
+from sdt_drake.systems.wiring import nested
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,7 @@ class PiScheduled(WeightedPi, ChosenFeedforward):
         self, system: System, context: Context, design: Design, tau: Array, start: Motion | None
     ) -> None:
         super().start(system, context, design, tau, start)
-        table = cast(Diagram, system).GetSubsystemByName("inertia_table")
-        start_table(table, cast(Diagram, system).GetMutableSubsystemContext(table, context))
+        start_table(*nested(system, context, "inertia_table"))
 
     def in_words(self, design: Design) -> str:
         return f"{super().in_words(design)}, their gains those at the largest inertia"
