@@ -52,6 +52,7 @@ def sizing_report(sizing: Sizing, verdicts: Sequence[Verdict], failed: str) -> R
         "in_short": doc.bullets(_in_short(answer, count) for answer in answers),
         "tight": "below a tenth" if best["tight"] else None,
         "fields": doc.fenced(best["fields"]) if chosen else None,
+        "repeated": f"with pauses of {sizing.pause:g} s" if sizing.pause else "back to back",
         "margins": [x for one in answers for x in (one["margins"], one["out"]) if x],
         "motors": motor_table(sizing, verdicts),
         f"{FIGURE}.png": sizing_front(f"{sizing.name}: motors and tracking", verdicts),
