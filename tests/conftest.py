@@ -242,26 +242,21 @@ def designed(_reference_design):
 
 @pytest.fixture(scope="session")
 def _reproduced(once):
-    """What one run of `sdt-drake reproduce` has written and computed; its .png are empty."""
-    from matplotlib.figure import Figure
+    """What one run of `sdt-drake reproduce` has written and computed, with `once_drawn`."""
 
     from sdt_drake.cli.app import main
     from sdt_drake.paper import reproduction as module
-    from sdt_drake.show import style
 
     def make(folder):
-        computed, reproduce, save = [], module.reproduce, style.save
+        computed, reproduce = [], module.reproduce
 
         def keep(watch):
             computed.append(reproduce(watch))
             return computed[0]
 
-        def save_pages(figure, path):  # the same figure, drawn twice, takes seconds
-            return save(Figure() if path.suffix == ".png" else figure, path)
-
         with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()):
             patch.setattr(module, "reproduce", keep)
-            patch.setattr(style, "save", save_pages)
+            _draw_less(patch, {})
             assert main(["reproduce", "--out", str(folder)]) == 0
         return folder, computed[0]
 
