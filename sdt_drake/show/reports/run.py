@@ -73,9 +73,6 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
     story = story_of(scenario.motion, robot, design.reference.tracked)
     yaml = yaml_text(scenario).rstrip()
     samples, name = len(recording.time), path.stem
-    shown = f"All {samples} samples are shown."
-    if samples > MAX_SAMPLES:
-        shown = f"Of {samples} samples, the least and the largest of each short interval are shown."
     return written("run", {
         **answer(run, response),
         "name": name, "title": scenario.summary().title, "robot": robot.name,
@@ -83,8 +80,9 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         "what": doc.Table(["", ""], list(_what(design))), "gains": _gains(design),
         **_loops(design, response),
         "tracking": _table(design, [(m.label, m.format, m.factor * x) for m, x in tracked]),
-        "shown": shown, "over_time": list(_over_time(run, joints, name)),
-        "over_speed": _over_speed(design),
+        "all": None if samples > MAX_SAMPLES else samples,
+        "many": samples if samples > MAX_SAMPLES else None,
+        "over_time": list(_over_time(run, joints, name)), "over_speed": _over_speed(design),
         f"{name}_torque.png": Plots([[torque_over_speed(recording, design, k)] for k in joints]),
         "probes": list(_probes(recording, name)),
         "windings": _windings(run),

@@ -66,30 +66,32 @@ def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[doc
     percentile_tables = [study_tables.percentile_table(table, [family]) for family in families]
     worst = [study_tables.worst_table(table, family) for family in families]
     shares = study_tables.sensitivity_tables(table, families)
+    failed = summary.failures(table)
+    found = [finding(table, family) for family in families]
+    inputs = doc.joined(map(doc.code, summary.varied(table)))
+    counts = [
+        (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
+        for status, runs in summary.count_statuses(table).items()
+    ]
+    again = f"sdt-drake study repeat {shlex.quote(str(folder))} --row N"
     report = written("study", {
         **{f"{name}.png": figures.get(name) for name in FIGURES},
-        "name": table.name, "summary": study_summary(table), "status": status,
-        "of_ok": _OF_OK if families else "", "percentiles": percentile_tables,
+        "name": table.name, "status": status,
+        "failed": failed and doc.Box("div", [f"{doc.capital(failed)}."], ' class="bad"'),
+        "findings": doc.bullets(text for text, _ in found),
+        "the_input": "the input" if any(has_causes for _, has_causes in found) else None,
+        "runs": len(table), "time": _time(table.runs["duration"].sum()),
+        "differ": doc.said("that differ in {}", inputs) if inputs else "with equal inputs",
+        "counts": doc.tiles(counts),
+        "ok": "ok" if families else None, "percentiles": percentile_tables,
         "by_joint": _by_joint(table, lambda names: [study_tables.percentile_table(table, names)]),
-        "worst": worst, "repeat": families and doc.said(
-            "Repeat a run exactly: {:code}",
-            f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
-        ),
-        "explained": _EXPLAINED if shares else "", "shares": shares,
+        "worst": worst, "repeat": again if families else None,
+        "each": "each input" if shares else None, "shares": shares,
         "shares_by_joint": shares and _by_joint(
             table, partial(study_tables.sensitivity_tables, table)
         ),
     })  # fmt: skip
     return report, [status, *percentile_tables, *worst, *shares]
-
-
-_OF_OK = "Runs with status ok; joint side, torques as shares of the motor's largest torque."
-_EXPLAINED = (
-    "The share of an outcome's variance that each input explains alone, with its standard error "
-    "(first-order index: correlation ratio, corrected for chance; worst joint of each run). The "
-    "rest to 100 % comes from inputs acting together, or is too fine for the bins of this number "
-    "of runs."
-)
 
 
 def study_chapter(folder: Path) -> doc.Section:
@@ -141,35 +143,6 @@ def study_figures(table: StudyTable) -> dict[str, Figure]:
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
         drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR)
     return drawn
-
-
-# --- in short --------------------------------------------------------------------------------
-
-
-def study_summary(table: StudyTable) -> list[doc.Block]:
-    """Return the failures, findings and counts of a study."""
-    blocks: list[doc.Block] = []
-    if failed := summary.failures(table):
-        blocks.append(doc.Box("div", [f"{doc.capital(failed)}."], ' class="bad"'))
-    found = [finding(table, family) for family in headlines(table)]
-    if found:
-        blocks.append(doc.bullets(text for text, _ in found))
-    if any(has_causes for _, has_causes in found):
-        blocks.append(
-            doc.Marked(
-                "> In brackets: share of the variance that the input explains alone, and its "
-                "standard error."
-            )
-        )
-    inputs = doc.joined(map(doc.code, summary.varied(table)))
-    differ = doc.said("that differ in {}", inputs) if inputs else "with equal inputs"
-    time = _time(table.runs["duration"].sum())
-    counts = [
-        (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
-        for status, runs in summary.count_statuses(table).items()
-    ]
-    ran = doc.said("{} runs {}; {} of computation.", len(table), differ, time)
-    return [*blocks, ran, doc.tiles(counts)]
 
 
 def finding(table: StudyTable, family: str) -> tuple[doc.Marked, bool]:
