@@ -51,7 +51,7 @@ from sdt_drake.io.resources import models_dir
 from sdt_drake.machine.identify.model import identified_robot
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings.recorded import Recorded
-from sdt_drake.motion import Story, load_plan, shipped_motions, story_of
+from sdt_drake.motion import Motion, Story, load_plan, shipped_motions, story_of
 from sdt_drake.paper.diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import ENCODERS
@@ -141,6 +141,26 @@ def observer() -> Figure:
     """PI with a disturbance observer, with a wrong model."""
     title = "PI, computed torque and disturbance observer: model 40 kg too light, friction unknown"
     return plots.comparison(title, compare(designed("wrong_model"), ("pi", "pi_ctc", "pi_dob")))
+
+
+def gears() -> Figure:
+    """Speed errors of PI without and with ripple, losses of gears and play."""
+    plan = designed("coupled_pi").reference.planned
+    motion = Motion(plan.period, plan.q[:801], plan.v[:801], plan.vd[:801])
+    elastic = {"plant.elasticity.natural_frequency": [66.0, 66.0, 0.0, 0.0]}
+    play = {"plant.elasticity.backlash": [1e-3, 1e-3, 0.0, 0.0]}
+    cases = {
+        "ideal": {},
+        "efficiency 0.8": {"plant.gear_efficiency": [0.8] * 4},
+        "ripple of 2 %": {"drive.ripple_harmonics": [6.0], "drive.ripple_amplitude": [0.02]},
+        "play of 1 mrad": elastic | play,
+    }
+    runs = {
+        label: simulate(make_design(load_scenario("coupled_pi", changes), motion=motion))
+        for label, changes in cases.items()
+    }
+    names = designed("coupled_pi").device.simulated.joint_names
+    return plots.speed_errors("Gears and motors that are not ideal, PI", runs, names, motion)
 
 
 def filters() -> Figure:
@@ -283,6 +303,7 @@ def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
         "stability": stability,
         "filters": filters,
         "observer": observer,
+        "gears": gears,
         "identification": identification,
         "monte_carlo": partial(monte_carlo, studies),
         "sizing": partial(sizing, studies),

@@ -35,7 +35,7 @@ FIGURES = REDRAW["figures"](ROWS)
 PERIOD = 0.005  # s
 TRIED = (
     *("figure3", "coupled_loop", "controllers", "stability", "identification"),
-    *("filters", "observer", "monte_carlo", "sizing", "training_post_roll"),
+    *("filters", "observer", "gears", "monte_carlo", "sizing", "training_post_roll"),
 )
 """A figure for each function that draws; one of the training motions stands for all."""
 

@@ -18,6 +18,7 @@ from sdt_drake.io.fields import (
     Number,
     Positive,
     Problems,
+    Values,
     field,
 )
 
@@ -52,6 +53,10 @@ class Drive(Input):
     n0: EachJoint[Positive] | None = field(None, unit="rad/s", side="motor")
     """Motor speed at which no driving torque is left. Default: that of the device's motors in the
     catalogue."""
+    ripple_harmonics: Values[Positive] = field((), unit="-")
+    """Orders of torque ripple, periods per revolution **of the motor**; none by default."""
+    ripple_amplitude: Values[Annotated[Number, Field(ge=0, le=1)]] = field((), unit="-")
+    """Amplitude of each order, a share of each motor's largest torque."""
     reference_delay: NotNegative = field(0.0, unit="s")
     """Delay of the planned motion and of the feedforward computed from it. Drives with a `period`
     take both at their next sample. Position loops sample positions when they take them."""
@@ -59,11 +64,15 @@ class Drive(Input):
     @property
     def is_ideal_torque(self) -> bool:
         """True if the motors give the limited torque at once and exactly."""
-        return self.torque_bandwidth is None and self.torque_error is None
+        is_exact = self.torque_bandwidth is None and self.torque_error is None
+        return is_exact and not self.ripple_harmonics
 
     def problems(self) -> Problems:
         if self.encoder_resolution is not None and self.period is None:
             yield "encoder_resolution", "needs period, to compute the speed"
+        if len(self.ripple_amplitude) != len(self.ripple_harmonics):
+            text = f"{len(self.ripple_amplitude)} value(s), expected {len(self.ripple_harmonics)}"
+            yield "ripple_amplitude", f"{text}, one for each of ripple_harmonics"
         if (self.n1 is None) != (self.n0 is None):
             yield "n1" if self.n1 is None else "n0", "missing, expected n1 and n0 or neither"
         elif self.n1 and self.n0 and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
@@ -88,6 +97,18 @@ class Elasticity(Input):
     """Damping ratio of this oscillation."""
     encoder: Encoder = "motor"
     """Side of the joint where the controller measures."""
+    backlash: EachJoint[Annotated[Number, Field(ge=0, le=1)]] | None = field(
+        None, unit="rad", side="joint"
+    )
+    """Play of the gear of elastic joints, from end to end, in which no torque is transmitted. 0 by
+    default."""
+
+    def problems(self) -> Problems:
+        plays = self.backlash or ()
+        omegas = self.natural_frequency or (0.0,) * len(plays)
+        for k, (play, omega) in enumerate(zip(plays, omegas, strict=False)):
+            if play and not omega:
+                yield f"backlash[{k + 1}]", f"{play:g}, needs natural_frequency[{k + 1}] > 0"
 
     @property
     def is_rigid(self) -> bool:
@@ -105,6 +126,8 @@ class Springs:
     """k [N m/rad]."""
     damping: Array
     """c [N m s/rad]."""
+    backlash: Array | float = 0.0
+    """Play from end to end [rad]."""
 
 
 def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array) -> Springs:
@@ -139,7 +162,7 @@ def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array)
             f"{elasticity.damping_ratio:g} are too large for joint {j + 1}",
             place="plant.elasticity",
         )
-    return Springs(elastic, k, c)
+    return Springs(elastic, k, c, 0.0 * k + (elasticity.backlash or 0.0))
 
 
 # --- friction in the joints: Coulomb, viscous, Stribeck --------------------------------------

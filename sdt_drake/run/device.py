@@ -5,7 +5,7 @@ from functools import partial
 from typing import NamedTuple, cast
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, PassThrough, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -20,8 +20,10 @@ from sdt_drake.run.design import Design
 from sdt_drake.systems.elastic_joints import set_motor_state
 from sdt_drake.systems.encoder import set_measured
 from sdt_drake.systems.friction import set_sliding
+from sdt_drake.systems.gear_loss import driving_torque
 from sdt_drake.systems.robot_plant import PlantPorts, add_robot_plant
 from sdt_drake.systems.torque_loop import set_motor_torque
+from sdt_drake.systems.torque_ripple import ripple_at
 from sdt_drake.systems.wiring import build, nested, set_state
 
 
@@ -41,8 +43,7 @@ def make_device(design: Design, *, of_bodies: bool = False) -> Diagram:
     """
     if design.assumptions.prescribed_motion is not None:
         return _prescribed(design, *design.assumptions.prescribed_motion)
-    builder, drive = DiagramBuilder(), design.drive
-    robot, n = design.device.simulated, design.nominal.n
+    builder, robot, n = DiagramBuilder(), design.device.simulated, design.nominal.n
     add, connect, springs = builder.AddNamedSystem, builder.Connect, design.springs
     is_axis = design.scenario.plant.kind == "axis"
 
@@ -50,21 +51,14 @@ def make_device(design: Design, *, of_bodies: bool = False) -> Diagram:
     if is_axis:
         i_eff = design.i_eff - np.where(apart, robot.motor_inertia, 0.0)
         axes = add("axis_process", systems.axis_process(i_eff=i_eff, gear_ratio=robot.gear_ratio))
-        tau, load_torque = map(axes.GetInputPort, ("tau", "load_torque"))
-        plant = PlantPorts(tau, load_torque, axes.get_output_port())
+        driven, load_torque = map(axes.GetInputPort, ("tau", "load_torque"))
+        plant = PlantPorts(driven, load_torque, axes.get_output_port())
     else:
         plant = add_robot_plant(builder, robot=robot, without_rotor=apart)
     motor_state = plant.state
 
-    if drive.is_ideal_torque:
-        motors = add("torque_loop", PassThrough(n))
-    else:
-        motors = add("torque_loop", systems.torque_loop(
-            motor_torque_limit=robot.motor_torque_limit,
-            bandwidth=drive.torque_bandwidth,
-            error=drive.torque_error,
-        ))  # fmt: skip
-    builder.ExportInput(motors.get_input_port(), "tau_limited")
+    tau, ripple = _add_motors(builder, design)
+    through = tau
     if springs is not None:
         joints = add("elastic_joints", systems.elastic_joints(
             springs=springs,
@@ -72,37 +66,19 @@ def make_device(design: Design, *, of_bodies: bool = False) -> Diagram:
             gear_ratio=robot.gear_ratio,
             shared_inertia=0.0 if is_axis else robot.shared_inertia,
         ))  # fmt: skip
-        connect(motors.get_output_port(), joints.GetInputPort("tau"))
+        connect(tau, joints.GetInputPort("tau"))
         connect(plant.state, joints.GetInputPort("state"))
-        connect(joints.GetOutputPort("tau_link"), plant.tau)
+        through = joints.GetOutputPort("tau_link")
+        connect(through, plant.tau)
         motor_state = joints.GetOutputPort("motor_state")
-    elif drive.is_ideal_torque:
+    elif design.drive.is_ideal_torque:
         builder.ConnectInput("tau_limited", plant.tau)
     else:
-        connect(motors.get_output_port(), plant.tau)
+        connect(tau, plant.tau)
+    if ripple is not None:
+        connect(motor_state, ripple.get_input_port())
 
-    loads: list[System] = []
-    if design.friction is not None:
-        friction = systems.joint_friction(friction=design.friction, gear_ratio=robot.gear_ratio)
-        loads.append(add("friction", friction))
-        connect(plant.state, friction.get_input_port())
-    if not (stops := design.scenario.plant.stops).is_none:
-        pushing = systems.joint_stops(
-            stops=stops,
-            lower=robot.position_lower,
-            upper=robot.position_upper,
-            gear_ratio=robot.gear_ratio,
-        )
-        loads.append(add("joint_stops", pushing))
-        connect(plant.state, pushing.get_input_port())
-    if design.needs_load_torque:
-        reference = add("load_torque", PassThrough(n))
-        builder.ExportInput(reference.get_input_port(), "load_torque")
-        loads += [reference] * is_axis
-        if (error := design.scenario.disturbance).amplitude > 0:
-            injected = systems.disturbance(n=n, amplitude=error.amplitude, omega_d=error.omega_d)
-            loads.append(add("disturbance", injected))
-            connect(reference.get_output_port(), injected.get_input_port())
+    loads = _add_loads(builder, design, plant.state, through)
     if loads:
         total = add("true_load", Adder(len(loads) + 1, n))
         for i, load in enumerate(loads):
@@ -118,8 +94,82 @@ def make_device(design: Design, *, of_bodies: bool = False) -> Diagram:
             builder.ExportOutput(links.GetOutputPort(name), name)
     builder.ExportOutput(plant.state, "state")
     builder.ExportOutput(motor_state, "motor_state")
-    builder.ExportOutput(motors.get_output_port(), "tau")
+    builder.ExportOutput(tau, "tau")
     return build(builder, "device")
+
+
+def _add_motors(builder: DiagramBuilder, design: Design) -> tuple[OutputPort, System | None]:
+    """Add the torque loop of the drives, with ripple; return the motors' torque, and the ripple."""
+    drive, robot, n = design.drive, design.device.simulated, design.nominal.n
+    add, connect = builder.AddNamedSystem, builder.Connect
+    if drive.is_ideal_torque:
+        motors = add("torque_loop", PassThrough(n))
+    else:
+        motors = add("torque_loop", systems.torque_loop(
+            motor_torque_limit=robot.motor_torque_limit,
+            bandwidth=drive.torque_bandwidth,
+            error=drive.torque_error,
+        ))  # fmt: skip
+    builder.ExportInput(motors.get_input_port(), "tau_limited")
+    if not drive.ripple_harmonics:
+        return motors.get_output_port(), None
+    ripple = add("torque_ripple", systems.torque_ripple(
+        harmonics=drive.ripple_harmonics,
+        amplitudes=drive.ripple_amplitude,
+        gear_ratio=robot.gear_ratio,
+        motor_torque_limit=robot.motor_torque_limit,
+    ))  # fmt: skip
+    total = add("tau", Adder(2, n))
+    connect(motors.get_output_port(), total.get_input_port(0))
+    connect(ripple.get_output_port(), total.get_input_port(1))
+    return total.get_output_port(), ripple
+
+
+def _add_loads(
+    builder: DiagramBuilder, design: Design, state: OutputPort, through: OutputPort
+) -> list[System]:
+    """Add what loads the motors: losses, friction, stops, load of the reference, disturbance.
+
+    Args:
+        builder: builder of the device.
+        design: the design of the loop.
+        state: state of the links.
+        through: torque through the gears, motor side [N m].
+    """
+    robot, n, is_axis = (
+        design.device.simulated,
+        design.nominal.n,
+        design.scenario.plant.kind == "axis",
+    )
+    add, connect = builder.AddNamedSystem, builder.Connect
+    loads: list[System] = []
+    if (efficiency := design.scenario.plant.gear_efficiency) is not None:
+        loss = systems.gear_loss(efficiency=efficiency)
+        loads.append(add("gear_loss", loss))
+        connect(through, loss.GetInputPort("tau"))
+        connect(state, loss.GetInputPort("state"))
+    if design.friction is not None:
+        friction = systems.joint_friction(friction=design.friction, gear_ratio=robot.gear_ratio)
+        loads.append(add("friction", friction))
+        connect(state, friction.get_input_port())
+    if not (stops := design.scenario.plant.stops).is_none:
+        pushing = systems.joint_stops(
+            stops=stops,
+            lower=robot.position_lower,
+            upper=robot.position_upper,
+            gear_ratio=robot.gear_ratio,
+        )
+        loads.append(add("joint_stops", pushing))
+        connect(state, pushing.get_input_port())
+    if design.needs_load_torque:
+        reference = add("load_torque", PassThrough(n))
+        builder.ExportInput(reference.get_input_port(), "load_torque")
+        loads += [reference] * is_axis
+        if (error := design.scenario.disturbance).amplitude > 0:
+            injected = systems.disturbance(n=n, amplitude=error.amplitude, omega_d=error.omega_d)
+            loads.append(add("disturbance", injected))
+            connect(reference.get_output_port(), injected.get_input_port())
+    return loads
 
 
 NO_LIMIT = 1e9
@@ -196,11 +246,20 @@ def make_encoder(design: Design, *, at_reference: bool, delay: float) -> System:
 def viscous_only(design: Design) -> Design:
     """Return a design for linear analysis: no load of the reference, and viscous friction alone.
 
-    Other friction has no frequency response, nor have stops.
+    Other friction has no frequency response, nor have stops, backlash, gear losses and ripple.
     """
-    plant = design.scenario.plant
-    plant = replace(plant, friction=Friction(viscous=plant.friction.viscous), stops=Stops())
-    return replace(design.assuming(loaded=False), scenario=replace(design.scenario, plant=plant))
+    scenario, plant = design.scenario, design.scenario.plant
+    plant = replace(
+        plant,
+        friction=Friction(viscous=plant.friction.viscous),
+        stops=Stops(),
+        gear_efficiency=None,
+        elasticity=replace(plant.elasticity, backlash=None),
+    )
+    drive = replace(scenario.drive, ripple_harmonics=(), ripple_amplitude=())
+    return replace(
+        design.assuming(loaded=False), scenario=replace(scenario, plant=plant, drive=drive)
+    )
 
 
 # --- the equilibrium that a run starts in -----------------------------------------------------
@@ -260,12 +319,17 @@ def equilibrium(design: Design, start: Motion, *, of_links: bool = False) -> Equ
         axes = design.springs.elastic
         for _ in range(N_ITERATIONS):
             torque = design.device.simulated.gear_ratio * _holding_torque(design, q, start)
-            deflection[axes] = torque[axes] / design.springs.stiffness[axes]
+            play = np.sign(torque) * design.springs.backlash / 2
+            deflection[axes] = torque[axes] / design.springs.stiffness[axes] + play[axes]
             on_links = of_links or measured_port(design) == "state"
             q = measured if on_links else measured - deflection
     tau = _holding_torque(design, q, start)
-    error = design.drive.torque_error
-    tau_cmd = tau if error is None else tau / (1 + np.array(error))
+    drive, robot = design.drive, design.device.simulated
+    tau_cmd = tau / (1 + np.array(drive.torque_error or 0.0))
+    if drive.ripple_harmonics:
+        angle, shares = robot.gear_ratio * (q + deflection), drive.ripple_amplitude
+        ripple = robot.motor_torque_limit * ripple_at(drive.ripple_harmonics, shares, angle)
+        tau_cmd = (tau - ripple) / (1 + np.array(drive.torque_error or 0.0))
     return Equilibrium(q, v, q + deflection, measured, tau, tau_cmd)
 
 
@@ -278,9 +342,11 @@ def _holding_torque(design: Design, q: Array, start: Motion) -> Array:
             load = design.loads_along(start).load_torque[0]
     else:
         load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio
-    if design.friction is None:
+    if design.friction is not None:
+        load = load + sliding_friction(design.friction, v) / robot.gear_ratio
+    if (efficiency := design.scenario.plant.gear_efficiency) is None:
         return load
-    return load + sliding_friction(design.friction, v) / robot.gear_ratio
+    return driving_torque(np.array(efficiency), load, v)
 
 
 def set_device(device: System, context: Context, design: Design, at: Equilibrium) -> None:
@@ -297,7 +363,8 @@ def set_device(device: System, context: Context, design: Design, at: Equilibrium
         set_sliding(*inner("friction"), at.v, friction=design.friction)
     if design.drive.torque_bandwidth is not None and device.HasSubsystemNamed("torque_loop"):
         limit = design.device.simulated.motor_torque_limit
-        set_motor_torque(*inner("torque_loop"), at.tau, motor_torque_limit=limit)
+        given = at.tau_cmd * (1 + np.array(design.drive.torque_error or 0.0))  # without ripple
+        set_motor_torque(*inner("torque_loop"), given, motor_torque_limit=limit)
 
 
 def set_encoder(block: System, context: Context, design: Design, at: Equilibrium) -> None:

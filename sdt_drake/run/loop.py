@@ -69,6 +69,8 @@ class Loop:
         """Gains from held inputs to the command; None if a run must stop at each update."""
         if not self.is_planned or len(self.updates) > 2:  # external or late
             return None
+        if self.design.drive.ripple_harmonics:  # the torque jumps to another than the command
+            return None
         sampled = self.design.drive.period is not None
         return feedthrough(self.controller, self.owner, sampled=sampled)
 

@@ -16,6 +16,7 @@ from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains
+from sdt_drake.systems.gear_loss import FULL_SPEED
 
 _BLOCK = 10_000
 """Samples between reports of progress."""
@@ -148,6 +149,10 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
             ("viscous", friction.viscous / inertia),
         ):
             _check_pole(scenario, poles, "plant.friction", f"{name} gives")
+    if (efficiency := scenario.plant.gear_efficiency) is not None:
+        lost = (1 / np.array(efficiency) - 1) * robot.motor_torque_limit
+        poles = lost / (FULL_SPEED * robot.gear_ratio * i_eff)
+        _check_pole(scenario, poles, "plant.gear_efficiency")
     stops = scenario.plant.stops
     stops.check(robot)
     for name, power in (("stiffness", 0.5), ("damping", 1.0)):

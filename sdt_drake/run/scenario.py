@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from pydantic import Field
+
 from sdt_drake.io.arguments import a_path, instance_of, takes, whole_periods
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import (
@@ -53,6 +55,9 @@ class PlantChoice(Input):
     """Friction in the joints; none by default."""
     elasticity: Elasticity = field(Elasticity)
     """Elasticity of the joints; rigid by default."""
+    gear_efficiency: EachJoint[Annotated[Number, Field(gt=0, le=1)]] | None = field(None, unit="-")
+    """Share of the power that a gear transmits, in both directions; 1 by default. At rest a gear
+    loses nothing."""
     stops: Stops = field(Stops)
     """Stops of the joints that push back; without them a run only says where it passes a stop."""
     windings: WindingChoice = field(WindingChoice)

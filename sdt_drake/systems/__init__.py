@@ -18,6 +18,8 @@ vectors of length n unless the table gives another length:
     alleviating_torque   tau_alleviate of Algorithm 1, motor side [N m]
     disturbance          disturbance of the load torque, motor side [N m]
     friction             friction of the joints, motor side [N m]
+    gear_loss            losses of gears, a torque against the motion, motor side [N m]
+    ripple               ripple of the motors' torque, motor side [N m]
     stop_torque          torque of joints against their stops, motor side [N m]
     inertia_share        I_eff over its largest value [-]
     weighted_reference   reference with speeds times inertia_share, length 3n
@@ -40,6 +42,7 @@ from sdt_drake.systems.elastic_joints import elastic_joints
 from sdt_drake.systems.encoder import encoder
 from sdt_drake.systems.friction import joint_friction
 from sdt_drake.systems.gain_schedule import gain_schedule
+from sdt_drake.systems.gear_loss import gear_loss
 from sdt_drake.systems.inverse_dynamics import inverse_dynamics_controller
 from sdt_drake.systems.joint_stops import joint_stops
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
@@ -59,13 +62,14 @@ from sdt_drake.systems.robot_plant import robot_plant
 from sdt_drake.systems.saturation import dynamic_saturation
 from sdt_drake.systems.symbolic import symbolic_law
 from sdt_drake.systems.torque_loop import torque_loop
+from sdt_drake.systems.torque_ripple import torque_ripple
 
 UNITS = {
     "reference": "rad, rad/s, rad/s²",
     "speed_reference": "rad, rad/s, rad/s²",
     **dict.fromkeys(("state", "motor_state", "measured", "sampled_state"), "rad, rad/s"),
     **dict.fromkeys(("load_torque", "alleviating_torque", "disturbance", "friction"), "N m"),
-    "stop_torque": "N m",
+    **dict.fromkeys(("stop_torque", "gear_loss", "ripple"), "N m"),
     **dict.fromkeys(("tau_fb", "tau_ff", "tau_cmd", "tau_limited", "tau", "tau_link"), "N m"),
     "inertia_share": "-",
     **{"specific_force": "m/s²", "angular_rate": "rad/s"},

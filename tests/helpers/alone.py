@@ -78,6 +78,7 @@ ARGUMENTS = {
     "encoder": {"n": N, "period": PERIOD},
     "gain_schedule": {"n": N},
     "internal_model": {"model": FEELING},
+    "gear_loss": {"efficiency": [0.9, 0.6, 1.0]},
     "inverse_dynamics_controller": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
     "joint_friction": {"friction": FRICTION, "gear_ratio": GEAR},
     "joint_stops": {"stops": STOPS, "lower": LOWER, "upper": UPPER, "gear_ratio": GEAR},
@@ -97,6 +98,12 @@ ARGUMENTS = {
     "robot_plant": {"robot": None},
     "signal_table": {"motion": MOTION, "signals": {"(signals)": MOTION.v}},
     "symbolic_law": {"inputs": {"a": 2}, "output": "b", "law": lambda a: [a[0] * a[1]]},
+    "torque_ripple": {
+        "harmonics": [1.0, 6.0],
+        "amplitudes": [0.1, 0.02],
+        "gear_ratio": GEAR,
+        "motor_torque_limit": LIMIT,
+    },
     "torque_loop": {"motor_torque_limit": LIMIT},
 }
 

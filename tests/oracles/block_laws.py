@@ -6,6 +6,7 @@ systems. Of the package come numbers of the blocks' arguments, and Algorithm 1 a
 """
 
 import itertools
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -86,6 +87,21 @@ def disturbance_observer(x, tau, measured, *, period):
 for period in (None, PERIOD):
     register = case("disturbance_observer", "sampled" * bool(period), period=period)
     register(partial(disturbance_observer, period=period))
+
+
+@case("gear_loss", "fast")
+@case("gear_loss", "slow", scales={"state": 0.01})
+def gear_loss(x, tau, state):
+    eta, v = np.array([0.9, 0.6, 1.0]), state[N:]
+    share = np.clip(v / 0.01, -1, 1)
+    lost = np.where(tau * v > 0, np.abs(tau) * (1 - eta), np.abs(tau) * (1 / eta - 1))
+    return {"gear_loss": lost * share}, None
+
+
+@case("torque_ripple")
+def torque_ripple(x, motor_state):
+    angle = GEAR * motor_state[:N]
+    return {"ripple": alone.LIMIT * (0.1 * np.sin(angle) + 0.02 * np.sin(6 * angle))}, None
 
 
 @case("position_loop")
@@ -193,8 +209,12 @@ def elastic_joints(x, tau, state, *, springs):
     elastic = springs.elastic
     q, v = np.split(state, 2)
     theta, w = q.copy(), v.copy()
-    theta[elastic], w[elastic] = np.split(x, 2)
-    spring = (springs.stiffness * (theta - q) + springs.damping * (w - v)) / GEAR
+    m = elastic.sum()
+    theta[elastic], w[elastic] = x[:m], x[m : 2 * m]
+    half = np.broadcast_to(springs.backlash, N) / 2
+    wound = theta - q - np.clip(theta - q, -half, half)
+    taut = np.clip(np.abs(wound) / np.maximum(half / 50, 1e-300), 0, 1) + (half == 0)
+    spring = (springs.stiffness * wound + springs.damping * (w - v) * np.minimum(taut, 1)) / GEAR
     tau_link = np.where(elastic, spring, tau)
     wd = ((tau - tau_link) / alone.ROTORS / GEAR)[elastic]
     outputs = {
@@ -202,11 +222,13 @@ def elastic_joints(x, tau, state, *, springs):
         "motor_state": np.concatenate([theta, w]),
         "deflection": theta - q,
     }
-    return outputs, [*w[elastic], *wd]
+    return outputs, [*w[elastic], *wd, *(0 * x[2 * m :])]  # one of play that nothing moves
 
 
-for springs in (alone.SPRINGS, ALL):
-    register = case("elastic_joints", "all" * (springs is ALL), springs=springs)
+LOOSE = replace(alone.SPRINGS, backlash=np.array([0.5, 0.0, 0.02]))
+for springs in (alone.SPRINGS, ALL, LOOSE):
+    title = "all" * (springs is ALL) + "with play" * (springs is LOOSE)
+    register = case("elastic_joints", title, springs=springs)
     register(partial(elastic_joints, springs=springs))
 
 DEVICE = load_robot()
