@@ -7,7 +7,8 @@ and numbers that do not fit raise an `InputError`. Ports have the names of their
 vectors of length n unless the table gives another length:
 
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
-    speed_reference      reference with the commanded speed of a position loop, length 3n
+    speed_reference      reference with the commanded speed of a position loop [rad, rad/s, rad/s²],
+                         length 3n
     state                [q, v] of the plant, joint side [rad, rad/s], length 2n
     motor_state          [q, v] of the motors of elastic joints, joint side [rad, rad/s], length 2n
     measured             [q, v] as measured by an encoder, joint side [rad, rad/s], length 2n
@@ -34,6 +35,8 @@ vectors of length n unless the table gives another length:
     tau_link             torque that an elastic joint transmits to its link, motor side [N m]
     deflection           angle of the motor of an elastic joint ahead of its link, joint side [rad]
 """
+
+import re
 
 from sdt_drake.systems.axis_process import axis_process
 from sdt_drake.systems.disturbance import disturbance
@@ -64,17 +67,6 @@ from sdt_drake.systems.symbolic import symbolic_law
 from sdt_drake.systems.torque_loop import torque_loop
 from sdt_drake.systems.torque_ripple import torque_ripple
 
-UNITS = {
-    "reference": "rad, rad/s, rad/s²",
-    "speed_reference": "rad, rad/s, rad/s²",
-    **dict.fromkeys(("state", "motor_state", "measured", "sampled_state"), "rad, rad/s"),
-    **dict.fromkeys(("load_torque", "alleviating_torque", "disturbance", "friction"), "N m"),
-    **dict.fromkeys(("stop_torque", "gear_loss", "ripple"), "N m"),
-    **dict.fromkeys(("tau_fb", "tau_ff", "tau_cmd", "tau_limited", "tau", "tau_link"), "N m"),
-    "inertia_share": "-",
-    **{"specific_force": "m/s²", "angular_rate": "rad/s"},
-    **{"felt_gravity": "-", "felt_rate": "rad/s", "felt_attitude": "rad"},
-    "deflection": "rad",
-    "winding_temperature": "°C",
-}
-"""Units of outputs by the name of the port; several for equal parts of a vector."""
+_ROWS = re.findall(r"\n    (\w+) +((?:.|\n {5})*)", __doc__ or "")
+UNITS = {name: found[-1] for name, row in _ROWS if (found := re.findall(r"\[(.*?)\]", row))}
+"""Units of outputs by the name of the port, as above; several for equal parts of a vector."""

@@ -1,7 +1,5 @@
 """Probes: outputs of blocks beside the signals of a run, in memory, in files and on its page."""
 
-import re
-
 import numpy as np
 import pytest
 import scipy.io
@@ -116,10 +114,12 @@ def test_a_probe_that_names_no_port_is_told_with_the_nearest(elastic, probe, sai
 
 
 def test_units_of_ports_are_those_of_the_table_of_signals():
-    rows = re.findall(r"\n    (\w+) +((?:.|\n {5})*)", systems.__doc__)
-    stated = {name: units[-1] for name, text in rows if (units := re.findall(r"\[(.*?)\]", text))}
-    assert stated.pop("metered") == "s"  # a log's
-    assert stated | {"speed_reference": stated["reference"]} == systems.UNITS
+    states = dict.fromkeys(("state", "motor_state", "measured", "sampled_state"), "rad, rad/s")
+    torques = ("tau_fb", "tau_ff", "tau_cmd", "tau_limited", "tau", "load_torque", "disturbance")
+    torques += ("alleviating_torque", "friction", "tau_link", "stop_torque", "gear_loss", "ripple")
+    expected = dict.fromkeys(torques, "N m") | states | {"inertia_share": "-", "deflection": "rad"}
+    expected |= dict.fromkeys(("reference", "speed_reference"), "rad, rad/s, rad/s²")
+    assert expected.items() <= systems.UNITS.items()
 
 
 def test_the_page_of_a_run_shows_a_panel_for_each_unit_of_a_probe(elastic, probed, tmp_path):
