@@ -45,7 +45,7 @@ def chosen_ports(diagram: Diagram, probes: Sequence[str]) -> dict[str, OutputPor
             chosen[name] = ports[outermost[0]]
             continue
         ends = {path.split(".", k)[-1]: path for path in ports for k in range(path.count(".") + 1)}
-        near = suggestion(name, ends, "expected one that sdt-drake diagram --ports lists")
+        near = suggestion(name, ends, "expected a port that sdt-drake diagram can list")
         several = f"one of several: {', '.join(outermost[:3])}, expected a longer path"
         text = several if outermost else f"no port of the loop, {near}"
         problems.append(Problem(f"'{name}': {text}", place=f"probes[{i + 1}]"))

@@ -22,12 +22,12 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
 from sdt_drake.io.formats import FIGURES
 from sdt_drake.io.shown import formatted
-from sdt_drake.show.sections import TEMPLATES
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can distinguish.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 
-_STYLE = matplotlib.rc_params_from_file(TEMPLATES / "figures.mplstyle", use_default_template=False)
+_LOOK = Path(__file__).with_name("templates") / "figures.mplstyle"
+_STYLE = matplotlib.rc_params_from_file(_LOOK, use_default_template=False)
 _FILE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 _LEGEND_ROW = 0.2  # height [inch]
 _MIN_PLAIN = 3e-3  # axes with smaller values have a power of ten in their unit

@@ -103,7 +103,7 @@ def test_the_name_of_a_signal_is_its_outermost_port_and_every_path_is_found(elas
     [
         ("tau_fbb", r"^probes\[1\]: 'tau_fbb': no port of the loop, did you mean 'tau_fb'"),
         ("device.fricton.friction", "did you mean 'device.friction.friction'"),
-        ("zzzzz", r"no port of the loop, expected one that sdt-drake diagram --ports lists$"),
+        ("zzzzz", r"no port of the loop, expected a port that sdt-drake diagram can list$"),
         ("y0", r"one of several: .*, expected a longer path$"),
         (3, r"probes\[1\]: 3, expected a text"),
     ],
