@@ -1,5 +1,7 @@
 """Frequency responses by hand; margins and steps of random loops against python-control."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -156,3 +158,18 @@ def test_unwrapped_phase_has_no_jumps_and_is_that_of_the_response(rng):
     last = [i[-1] if len(i) else -1 for i in above]
     assert np.all(np.abs(phase[last, range(6)] + 90) <= 180 + 1e-9)
     assert np.all(np.abs(unwrapped_degrees(response)[0]) <= 180 + 1e-9)
+
+
+def test_file_has_sizes_and_phases_of_both_responses(design):
+    """The loop gain's phase is told at its crossover, that of tracking from its start."""
+    response = frequency_response(design, points=50)
+    lag = response.omega[:, None] / response.omega[10]
+    falling = 100 / (1 + 1j * lag) ** 5 * np.ones(4)  # -333 deg at its crossover
+    response = dataclasses.replace(response, loop_gain=falling)
+    columns = response.results("a title").columns
+    for name, at_crossover in ("tracking", False), ("loop_gain", True):
+        values = getattr(response, name)
+        phase = unwrapped_degrees(values, at_crossover=at_crossover)
+        np.testing.assert_array_equal(columns[f"{name}_phase"], phase)
+        np.testing.assert_array_equal(columns[f"{name}_magnitude"], np.abs(values))
+    assert not np.allclose(phase, unwrapped_degrees(falling))

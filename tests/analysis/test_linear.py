@@ -120,3 +120,9 @@ def test_deadbeat_mode_has_a_damping_and_hides_no_other(eigenvalues, damping):
     for system in (StateSpace(A, *rest, 0.001), StateSpace(turned @ A @ turned.T, *rest, 0.001)):
         for modes in (system.modes(), system.modes_between()):
             assert least_damping(modes, 30.0) == pytest.approx(damping, abs=1e-6)
+
+
+def test_loop_is_linear_at_the_start_of_the_motion_by_default(design):
+    default, start, end = (linearise(design, *at).closed() for at in ((), (0,), (SAMPLES[1],)))
+    np.testing.assert_array_equal(default.A, start.A)
+    assert not np.array_equal(end.A, start.A)

@@ -22,6 +22,7 @@ from sdt_drake.io.fields import Input, check_joints, made
 from sdt_drake.io.names import given_fields, value_of
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.schema import Schema, inner, schema_of
+from sdt_drake.io.shown import Shown
 from sdt_drake.machine.learn.state import TrialRecord
 from sdt_drake.motion.profile import Track
 from sdt_drake.robot.device import Drive
@@ -188,6 +189,8 @@ def test_models_of_files_are_frozen_and_objects_with_arrays_are_equal_to_themsel
     """numpy's == gives an array: dataclasses of arrays could not be compared or kept in sets."""
     models, with_arrays = [], []
     for kind in dataclasses_of_the_package():
+        if issubclass(kind, Shown):
+            assert kind.__repr__ is Shown.__repr__, kind  # its summary
         if issubclass(kind, Input):
             models.append(kind)
             assert kind.__dataclass_params__.frozen, kind

@@ -98,6 +98,10 @@ def test_reference_motion_is_unlimited_with_margins_of_its_torques(robot, plan):
     motion, report = plan.motion, margins(robot, plan.motion)
     assert not plan.limited.any() and plan.loss is None
     np.testing.assert_array_equal(checked_torque(robot, motion), plan.torque)
+    assert plan.summary().title == "of 4 joints: 30 s in steps of 5 ms"
+    assert motion.plot(robot.joint_names).axes
+    with pytest.raises(InputError, match=r"joint_names: 3 name\(s\), expected 4"):
+        motion.plot(robot.joint_names[:3])
     np.testing.assert_array_equal(plan.peak_use(robot), report.peak_torque / LIMITS)
     np.testing.assert_allclose(plan.peak_use(robot), [0.82, 0.93, 0.30, 0.23], atol=5e-3)
     # The integral of a motion that ends at rest, of the same samples.

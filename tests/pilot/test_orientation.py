@@ -152,3 +152,14 @@ def test_gains_of_a_pilot_are_for_three_axes(name, axes):
     values = dataclasses.asdict(FEELING) | {name: [0.0 if name == "k_a" else 1.0] * axes}
     with pytest.raises(InputError, match=rf"{name}: .*3"):
         PerceptionModel(**values)
+
+
+@pytest.mark.parametrize("share", [0.009, 0.011])
+def test_weightless_head_has_no_vertical(share):
+    time, forces, rate = head(1, 0.05)
+    forces[5] = 0, share * G, 0
+    if share > 0.01:
+        assert np.isfinite(perceive(time, forces, rate).roll).all()
+    else:
+        with pytest.raises(InputError, match=r"0\.0883 m/s² at 0\.25 s, expected at least 0\.098"):
+            perceive(time, forces, rate)

@@ -9,6 +9,7 @@ from helpers.robots import ARM, loaded
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.parsed import parts_of
+from sdt_drake.robot.sdf import SYMMETRIC
 
 BAD = [
     ({"payload_mass": -180, "inertia_scale": 2.0}, "payload_mass: -180 kg would leave 0 kg of"),
@@ -21,6 +22,30 @@ BAD = [
 def test_deviation_that_does_not_fit_the_robot_is_refused(robot, values, message):
     with pytest.raises(InputError, match="^" + re.escape(f"model.{message}")):
         deviated(robot, Deviation(**values), "model")
+
+
+def along_file(tmp_path, rows, **values):
+    np.savetxt(path := tmp_path / "spread.csv", rows, delimiter=",", header="k" + 20 * ",s")
+    return Deviation(spread=str(path), **values)
+
+
+@pytest.mark.parametrize("along", [0.3, -0.5])
+def test_link_along_a_direction_of_its_pseudo_inertia_scales_and_others_stay(tmp_path, along):
+    """S = s I makes exp(s) P of P: of mass and inertia, not of the centre of mass."""
+    robot, rows = loaded(ARM), np.zeros((1, 21))
+    rows[0, [11 + SYMMETRIC.index((i, i)) for i in range(4)]] = 1  # of the second link
+    other = deviated(robot, along_file(tmp_path, rows, along=[along]))
+    for link, factor in ("upper", 1), ("lower", np.exp(along)):
+        before, after = (parts_of(r.plant.GetBodyByName(link)) for r in (robot, other))
+        expected = [factor * before[0], before[1], factor * before[2]]
+        for found, right in zip(after, expected, strict=True):
+            np.testing.assert_allclose(found, right, rtol=1e-12 * (factor != 1), atol=1e-15)
+
+
+@pytest.mark.parametrize("rows", [np.zeros((1, 12)), np.full((1, 21), np.inf)])
+def test_directions_that_do_not_fit_the_links_are_refused(tmp_path, rows):
+    with pytest.raises(InputError, match=r"spread\.csv"):
+        deviated(loaded(ARM), along_file(tmp_path, rows, along=[1.0]))
 
 
 POSES = [

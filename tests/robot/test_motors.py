@@ -11,7 +11,7 @@ from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import effective_inertia, torque_groups
 from sdt_drake.robot.envelope import Envelope
-from sdt_drake.robot.motors import DeviceChoice, chosen_robot, load_catalogue
+from sdt_drake.robot.motors import DeviceChoice, chosen_robot, load_catalogue, motors_in_use
 from sdt_drake.robot.parsed import check_dynamics
 from sdt_drake.robot.robot import edited
 from sdt_drake.run.design import make_design
@@ -165,6 +165,11 @@ def test_envelope_of_the_motors_is_in_rad_per_s_and_names_joints_without(robot):
     rpm = [[catalogue[name].n1_rpm, catalogue[name].n0_rpm] for name in LIGHTER]
     np.testing.assert_allclose(np.transpose([other.n1, other.n0]), np.pi / 30 * np.array(rpm))
     assert chosen_robot(robot, DeviceChoice(gear_ratio=[50, 1, 1, 1])).envelope is None
+    assert [
+        motor.id for motor in motors_in_use(DeviceChoice(motors=LIGHTER, fitted=FITTED), 4)
+    ] == LIGHTER
+    first = chosen_robot(robot, DeviceChoice(fitted=["AC-203", "", "TM-2150", ""])).envelope
+    assert first.source.endswith("; without any: joint 2, 4, no n1_rpm and n0_rpm")
 
 
 def test_speed_share_is_that_of_joint_or_motor(robot):
