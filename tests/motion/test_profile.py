@@ -205,12 +205,16 @@ BAD = [  # tracks, each a joint or resultant with its segments
     [(YAW, "!Knots {knots: [[0, 0], [18, 1], [19, 0]]}")],
     [(YAW, "!Knots {knots: [[0, 0], [20.0000001, 0]]}")],
 ]  # fmt: skip
-STILL = "!Knots {knots: [[0, 0], [20, 0]]}"
+STILL, SHORT = "!Knots {knots: [[0, 0], [20, 0]]}", "!Knots {knots: [[0, 0], [18, 0]]}"
 
 
 def test_each_profile_problem_is_a_line_with_its_place(tmp_path, file_regression):
     """The largest G is hypot(1, 3.1167² 2.6 / 9.81)."""
-    path, lines, texts = tmp_path / "test.yaml", [], [f"joints: [{STILL}]"]
+    path, lines, texts = (
+        tmp_path / "test.yaml",
+        [],
+        [f"joints: [{STILL}]", f"joints: [{STILL}, {SHORT}, {STILL}, {STILL}]"],
+    )
     for tracks in BAD:
         parts = [f"{{{what}, segments: [{', '.join(segments)}]}}" for what, *segments in tracks]
         texts.append(f"tracks: [{', '.join(parts)}]")

@@ -163,3 +163,9 @@ def test_weightless_head_has_no_vertical(share):
     else:
         with pytest.raises(InputError, match=r"0\.0883 m/s² at 0\.25 s, expected at least 0\.098"):
             perceive(time, forces, rate)
+
+
+def test_longest_sample_period_is_a_tenth_of_a_second():
+    assert len(perceive(*head(1, 0.1)).time) == 11
+    with pytest.raises(InputError, match="0.1 s"):
+        perceive(*head(1.01, 0.101))
