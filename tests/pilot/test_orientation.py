@@ -167,5 +167,5 @@ def test_weightless_head_has_no_vertical(share):
 
 def test_longest_sample_period_is_a_tenth_of_a_second():
     assert len(perceive(*head(1, 0.1)).time) == 11
-    with pytest.raises(InputError, match="0.1 s"):
+    with pytest.raises(InputError, match=r"0\.1 s"):
         perceive(*head(1.01, 0.101))
