@@ -120,6 +120,7 @@ def _converted(value: Value, target: Field) -> Value | bool:
 class Study(Input):
     """A study: many variants of one base scenario.
 
+    >>> from sdt_drake.studies.distributions import Choice, Grid
     >>> frequency = Variable("omega", ["disturbance.omega_d"], "value", Grid(1, 3, 3))
     >>> controller = Variable("", ["controller"], "value", Choice(["pi", "p_pi+id"]))
     >>> study = Study(variables=[frequency, controller])
