@@ -45,3 +45,20 @@ def test_what_the_saturation_cuts_is_no_disturbance(designed):
     acting = run.tau + g * inertia * r * run.v  # z follows it with the time constant 1 / g
     bound = np.abs(acting).max(axis=0) + np.abs(z[0])
     assert np.all(np.abs(z) <= bound) and np.all(np.abs(run.tau) <= limit * (1 + 1e-9))
+
+
+@pytest.mark.documents
+def test_numbers_of_the_findings_on_the_observer(designed):
+    """With the right model; the rows of the table are compared with all other controllers."""
+    twice = 2 * designed("coupled_pi").tuning.omega_n
+    for option, value, position, rms in (
+        ("observer_bandwidth", twice, 5.365, 0.05729),
+        ("setpoint_weight", 1.0, 0.416, 0.00552),
+    ):
+        fields = {"controller.kind": "pi_dob", f"controller.{option}": value}
+        run = simulate(designed("coupled_pi", fields))
+        assert np.degrees(np.abs(run.position_error[:, 1]).max()) == pytest.approx(
+            position, abs=6e-4
+        )
+        error = run.speed_error[:, 1]
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(rms, abs=6e-6)
