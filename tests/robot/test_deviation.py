@@ -42,6 +42,13 @@ def test_link_along_a_direction_of_its_pseudo_inertia_scales_and_others_stay(tmp
             np.testing.assert_allclose(found, right, rtol=1e-12 * (factor != 1), atol=1e-15)
 
 
+def test_link_along_a_direction_without_zeros_changes(tmp_path):
+    rows = np.zeros((1, 21))
+    rows[0, 11:] = 0.01
+    other = deviated(loaded(ARM), along_file(tmp_path, rows, along=[1.0]))
+    assert other.plant.GetBodyByName("lower").default_mass() > 2.01
+
+
 @pytest.mark.parametrize("rows", [np.zeros((1, 12)), np.full((1, 21), np.inf)])
 def test_directions_that_do_not_fit_the_links_are_refused(tmp_path, rows):
     with pytest.raises(InputError, match=r"spread\.csv"):

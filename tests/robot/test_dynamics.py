@@ -6,7 +6,7 @@ from helpers.robots import ARM, URDF, loaded
 
 from sdt_drake.robot import device
 from sdt_drake.robot.device import Elasticity, Friction, springs_of
-from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.robot.dynamics import torque_groups, where_largest
 
 
 @pytest.mark.parametrize("text, suffix", [(ARM, ".sdf"), (URDF, ".urdf")])
@@ -106,3 +106,8 @@ def test_link_swings_at_given_frequency_on_spring_and_gravity():
             roots = np.roots([INERTIA[k], springs.damping[k], stiffness])
             np.testing.assert_allclose(np.abs(roots), OMEGA[k], rtol=1e-12)
             np.testing.assert_allclose(-roots.real / np.abs(roots), zeta, rtol=1e-12)
+
+
+def test_largest_inertia_is_the_first_within_round_off():
+    d_kk = [[1.0, 5.0, 7 - 1e-10], [3.0, 2.0, 7.0], [3.0, 5.0, 7.0]]
+    np.testing.assert_array_equal(where_largest(d_kk), [1, 0, 0])
