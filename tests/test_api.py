@@ -218,6 +218,7 @@ def test_every_argument_refuses_an_odd_object(short, run, tmp_path, monkeypatch)
             bound.arguments[parameter] = Odd()
             with pytest.raises(sdt.InputError) as error:
                 getattr(sdt, name)(*bound.args, **bound.kwargs)
+                pytest.fail(f"{name}({parameter}=...) takes any object")
             assert "\n" not in str(error.value), (name, parameter)
     assert list(tmp_path.iterdir()) == []
 

@@ -114,7 +114,7 @@ class Loop:
             higher("pilot.in_loop:start_pilot")(*own("pilot"), design)
 
 
-@takes(meshcat=instance_of(Meshcat, "pydrake.geometry.StartMeshcat"))
+@takes(meshcat=instance_of(Meshcat, "pydrake.geometry.StartMeshcat"), pilot=instance_of(bool))
 def make_loop(
     design: Design | Scenario,
     *,

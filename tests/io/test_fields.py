@@ -338,9 +338,9 @@ OPTIONS = [
     (["pi", "inverse_dynamics"], "controller.feedforward_gain", [1.0] * 4,
      "{} takes none, only pi_ctc, pi_id, p_pi, pi_scheduled"),
     (["pi_id", "p_pi", "inverse_dynamics"], "controller.setpoint_weight", 0.5,
-     "{} takes none, only pi, pi_ctc, pi_scheduled"),
+     "{} takes none, only pi, pi_ctc, pi_dob, pi_scheduled"),
     (["inverse_dynamics"], "controller.anti_windup", True,
-     "inverse_dynamics takes none, only pi, pi_ctc, pi_id, p_pi, pi_scheduled"),
+     "inverse_dynamics takes none, only pi, pi_ctc, pi_id, pi_dob, p_pi, pi_scheduled"),
     (CONTROLLERS, "plant.i_eff", [1.0] * 4, "the coupled plant has its inertia from the"),
 ]  # fmt: skip
 
