@@ -3,7 +3,6 @@
 import math
 import re
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
 from sdt_drake.paper.reproduction import _run
 from sdt_drake.pilot import load_perception
 from sdt_drake.pilot.illusions import feel, felt_apart
+from sdt_drake.robot import dynamics
 from sdt_drake.robot.dynamics import decouple
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.results import read_study_table
@@ -92,7 +92,7 @@ def test_table_of_sign_of_0_equals_runs(reproduction, monkeypatch):
     told = said(r"In (\S+), (\S+), (\S+) and (\S+) % of the branch joints 1 to 4 have no accel")
     np.testing.assert_allclose(100 * (third & (own == 0)).sum(0) / third.sum(0), told, atol=0.051)
 
-    monkeypatch.setattr(import_module("sdt_drake.run.design"), "decouple", other)
+    monkeypatch.setattr(dynamics, "decouple", other)
     monkeypatch.setattr(gains, "decouple", other)
     runs = {
         case: _run(reproduction.design, case) if case.algorithm == "printed" else run
