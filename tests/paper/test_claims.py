@@ -149,6 +149,31 @@ def test_reasons_of_verdicts_have_the_numbers(claims, reproduction):
         assert claims["ctc_on_coupled_plant"].computed[name] == expected
 
 
+def test_numbers_of_claims_are_those_of_the_runs_by_hand(claims, reproduction):
+    pi, ctc, printed = (
+        reproduction.runs[Case("coupled", "multibody", sign, controller)].tracking
+        for sign, controller in (
+            ("consistent", "pi"), ("consistent", "pi_ctc"), ("printed", "pi_ctc"),
+        )
+    )  # fmt: skip
+    times = pi.constant_speed_error / ctc.constant_speed_error
+    why = claims["ctc_steady_on_coupled_plant"].why
+    assert f"is {times[1]:.1f} times smaller" in why and f"joint 4 {times[3]:.1f} times" in why
+    worse = (printed.max_abs_speed_error / pi.max_abs_speed_error)[1]
+    assert f"is {worse:.1f} times that of PI alone" in claims["ctc_on_coupled_plant"].why
+    tuning = reproduction.design.tuning
+    fastest = np.sqrt(tuning.gains.ki / tuning.i_eff.min(axis=0)) / 65.991
+    np.testing.assert_allclose(claims["bandwidth_rule"].computed, fastest, rtol=1e-12)
+
+    run = reproduction.runs[AXIS_PI].recording
+    peak = np.abs(run.speed_error[:, 1]).argmax()
+    jumps = np.abs(np.diff(run.load_torque[:, 1]))[peak - 20 : peak]  # 0.1 s
+    before = peak - 20 + jumps.argmax()
+    assert claims["joint2_errors_from_load_jumps"].computed == pytest.approx(
+        {"jump": jumps.max(), "seconds_before_peak": run.time[peak] - run.time[before]}
+    )
+
+
 @pytest.mark.parametrize(
     "page",
     ["README.md", "models/README.md", ".github/paper.md", ".github/docs/pages/background/paper.md"],
