@@ -101,10 +101,8 @@ def coupled_loop() -> Figure:
     """The MultibodyPlant under PI, and under PI + CTC."""
     designs = {label: designed(f"coupled_{label}") for label in ("pi", "pi_ctc")}
     runs = {label: simulate(design) for label, design in designs.items()}
-    title, design = "Speed errors on the coupled MultibodyPlant", designs["pi"]
-    return plots.speed_errors(
-        title, runs, design.device.simulated.joint_names, design.reference.tracked
-    )
+    names, reference = designs["pi"].device.simulated.joint_names, designs["pi"].reference.tracked
+    return plots.speed_errors("Speed errors on the coupled MultibodyPlant", runs, names, reference)
 
 
 # --- beyond the paper ------------------------------------------------------------------------
@@ -226,8 +224,7 @@ def identification() -> Figure:
 def monte_carlo(studies: Path) -> Figure:
     title = "Devices that differ from their controllers' model: share at or below an error"
     outcomes = ("max_abs_speed_error", "max_abs_position_error")
-    table = read_study_table(studies / "monte_carlo")
-    return distributions(title, table, outcomes)
+    return distributions(title, read_study_table(studies / "monte_carlo"), outcomes)
 
 
 def sizing(studies: Path) -> Figure:
@@ -243,11 +240,8 @@ def sizing(studies: Path) -> Figure:
 def flown(motion: str) -> tuple[Design, Recording, Story]:
     """A training motion that ships with the package, simulated."""
     design = make_design(load_scenario("training", {"motion": motion}))
-    return (
-        design,
-        simulate(design),
-        story_of(motion, design.device.simulated, design.reference.tracked),
-    )
+    story = story_of(motion, design.device.simulated, design.reference.tracked)
+    return design, simulate(design), story
 
 
 def training(motion: str) -> Figure:
@@ -323,9 +317,8 @@ def drawn_numbers(figure: Figure) -> list[list[float]]:
     for axes in figure.axes:
         shown += [line.get_xydata() for line in axes.lines]
         for points in axes.collections:
-            shown.append(
-                np.vstack([points.get_offsets(), *(p.vertices for p in points.get_paths())])
-            )
+            paths = (path.vertices for path in points.get_paths())
+            shown.append(np.vstack([points.get_offsets(), *paths]))
         for patch in axes.patches:
             shown.append(patch.get_patch_transform().transform(patch.get_path().vertices))
     return [_thinned(np.asarray(points, dtype=float)) for points in shown]

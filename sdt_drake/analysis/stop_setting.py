@@ -44,12 +44,12 @@ _NO_WEIGHT = 1e-6  # N m; a smaller torque of gravity is round-off
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What all stops of a motion share: robot, brakes, friction, and what a stop does."""
+    """The robot, brakes and friction that all stops of a motion share, and the course of a stop."""
 
     robot: Robot
     """The robot, with the torque-speed envelope of its drives."""
     stopping: Stopping
-    """What drives and brakes do in a stop."""
+    """The actions of drives and brakes in a stop."""
     brakes: Brakes
     """Brakes of the robot's motors."""
     friction: FrictionParameters | None

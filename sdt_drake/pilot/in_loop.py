@@ -44,8 +44,7 @@ def pilot_at_head(
     Drake's Accelerometer and Gyroscope at the frame `head` measure specific force [m/s²] and
     angular rate [rad/s], in its axes. Gaussian noise is added to both, drawn every period. Behind
     it is the `orientation_observer`; the felt attitude is roll to the right and pitch up [rad].
-    State: that of the nested system "observer", and the noise. Feel nothing back: the pilot does
-    not act.
+    State: that of the nested system "observer", and the noise. The pilot does not act on the loop.
 
     Args:
         robot: robot with a frame `head`; the inputs are the outputs of its MultibodyPlant.

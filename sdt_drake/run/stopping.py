@@ -33,7 +33,7 @@ _IN_TIME = 1e-9  # s; accuracy of that instant
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """What happens to the joints in a stop: times since it began [s], shape (n,) each."""
+    """The events of each joint in a stop: times since it began [s], shape (n,) each."""
 
     ramp: Array
     """Duration of the drive's ramp to rest, with constant deceleration."""

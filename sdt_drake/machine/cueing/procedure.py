@@ -50,7 +50,7 @@ _MAX_TILT = 1e-6  # of a vertical axis [rad]
 
 @dataclass(frozen=True)
 class Effort:
-    """What `fly` tries."""
+    """The extent of the search for a motion."""
 
     seats: tuple[float, ...] = (0.0, np.pi / 2, -np.pi / 2)
     """First angles of the last joint [rad]; the search starts from each."""

@@ -20,7 +20,7 @@ _NEXT = {
     "stronger motors.",
     "nothing saturates": "run {}`sdt-drake compare` for other controllers.",
 }
-"""What to do next, by the state of a run."""
+"""The advice of a report, by the state of a run."""
 
 _CAUSES = {
     "axis": "`sdt-drake budget` on the scenario for the causes of the error, and ",
