@@ -19,6 +19,7 @@ def run(
     out: Target = Path("exported"),
     scenario: Annotated[str | None, one_of("scenario")] = None,
     cam_points: Annotated[Integer, number(gte=2)] = 1000,
+    effort: bool = False,
     given: Given = Given(),
 ) -> None:
     """Write a motion as the files that drives and robot controllers read.
@@ -36,6 +37,7 @@ def run(
             the files back (default: training: the shipped device, position loops, torque
             feedforward)
         cam_points: largest number of points of the cam table
+        effort: also torques in trajectory.yaml, for robots of ROS 2 that take effort
     """
     import numpy as np
 
@@ -53,7 +55,7 @@ def run(
         raise InputError(f"--scenario: has no effect, since {source} is a scenario")
     design = make_design(load_scenario(source, changed))
     controller, drives = design.scenario.controller, load_drives(drive, design.device.nominal.n)
-    runs = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
+    runs = sdt.export(design, drive, out, cam_points=cam_points, effort=effort, title=motion)
     period, cycle = design.reference.tracked.period, drives.cycle_time
     worst = max((x for x in runs if x.source in FILES), key=lambda x: float(x.position_error.max()))
     echo(
@@ -113,7 +115,4 @@ def fmu(
     design = common.design_of(scenario, given.changes)
     write_fmu(design, out, input)
     echo(f"{out} written: the loop of {scenario} with the {input} as input")
-    echo(
-        f"It starts at rest, takes steps in multiples of "
-        f"{1e3 * design.reference.held.period:g} ms and needs a Python with sdt_drake."
-    )
+    echo("It starts at rest, takes steps of any size and needs a Python with sdt_drake.")

@@ -42,9 +42,8 @@ def read_trajectory(path, robot) -> Samples:
     since = [point["time_from_start"] for point in points]
     time = np.array([x["sec"] + 1e-9 * x["nanosec"] for x in since])
     assert np.ptp(np.diff(time)) < 2e-9
-    q, v, tau = (
-        np.array([x[name] for x in points]) for name in ("positions", "velocities", "effort")
-    )
+    q, v = (np.array([x[name] for x in points]) for name in ("positions", "velocities"))
+    tau = np.array([x.get("effort", np.zeros(robot.n)) for x in points])
     return Samples(time[-1] / (len(time) - 1), q, v, tau)
 
 

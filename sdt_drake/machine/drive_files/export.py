@@ -39,7 +39,7 @@ class Exported:
     cam: set_points.Integers
     """Integers in CAM, see `formats.cam_table`."""
     own: set_points.Samples
-    """Samples in TRAJECTORY, at the interpolation period."""
+    """Samples in TRAJECTORY, at the interpolation period; without `effort` their torques are 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +65,7 @@ def export(
     folder: str | Path,
     *,
     cam_points: int = 1000,
+    effort: bool = False,
     title: str = "",
 ) -> list[Playback]:
     """Write a motion as files for drives, PLCs and ROS 2, as `sdt-drake export`.
@@ -74,6 +75,8 @@ def export(
         drives: data of the joints' drives (motor side), a file, or the name of a shipped one.
         folder: folder for the files, made if it does not exist.
         cam_points: largest number of points of the cam table.
+        effort: True for torques in the trajectory of ROS 2. Its joint_trajectory_controller
+            rejects them unless it commands effort.
         title: title of the motion; by default the scenario's name.
 
     Returns:
@@ -103,7 +106,13 @@ def export(
     title = title or design.scenario.name
     with replacing_files(folder) as new:
         exported = write_files(
-            design, drives, new, cam_points=cam_points, title=title, source=source
+            design,
+            drives,
+            new,
+            cam_points=cam_points,
+            effort=effort,
+            title=title,
+            source=source,
         )
         played = play_back(design, drives, exported)
         write_read_back(new / READ_BACK, played)
@@ -117,6 +126,7 @@ def write_files(
     *,
     cam_points: int,
     title: str,
+    effort: bool = False,
     source: str = "drives",
 ) -> Exported:
     """Write the motion of a design as CSV, ST, CAM, TRAJECTORY and READ_ME; all files or none.
@@ -130,6 +140,7 @@ def write_files(
         folder: folder for the files.
         cam_points: maximum number of points of the cam table.
         title: title of the motion, for the function block and messages.
+        effort: True for torques in TRAJECTORY.
         source: file of the drives, for messages.
 
     Returns:
@@ -148,6 +159,7 @@ def write_files(
     with within(title):
         samples = _commanded(design, drives.cycle_time)
         own = _commanded(design, motion.period)
+    own = own if effort else replace(own, tau=np.zeros_like(own.tau))
     still = _commanded(design, drives.cycle_time, still=True)
     with within(source):
         points = set_points.set_points(robot, drives, samples)
@@ -157,7 +169,7 @@ def write_files(
         formats.write_csv(new / CSV, drives, points)
         formats.write_st(new / ST, drives, points, rest, title)
         formats.write_cam(new / CAM, cam)
-        formats.write_trajectory(new / TRAJECTORY, robot, own, motion.vd)
+        formats.write_trajectory(new / TRAJECTORY, robot, own, motion.vd, effort=effort)
         _write_read_me(new / READ_ME, design, drives, points, title)
     return Exported(samples, points, cam, own)
 

@@ -163,7 +163,9 @@ def write_cam(path: Path, table: Integers) -> None:
 # --- ROS 2 -----------------------------------------------------------------------------------
 
 
-def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> None:
+def write_trajectory(
+    path: Path, robot: Robot, samples: Samples, vd: Array, *, effort: bool
+) -> None:
     """Write a trajectory_msgs/JointTrajectory as YAML, joint side in SI units, a point per line.
 
     Args:
@@ -171,12 +173,14 @@ def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> N
         robot: robot with the names of the joints.
         samples: points of the trajectory.
         vd: accelerations at the points [rad/s²], shape (N + 1, n).
+        effort: True for points with torques.
     """
+    fields = (*_FIELDS, "effort") if effort else _FIELDS
     with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
         file.write(f"joint_names: {json.dumps(list(robot.joint_names))}\npoints:\n")
         for i, row in enumerate(zip(samples.q, samples.v, vd, samples.tau, strict=True)):
             nanoseconds = round(i * samples.period * 1e9)
-            point = dict(zip(_FIELDS, (values.tolist() for values in row), strict=True))
+            point = dict(zip(fields, (values.tolist() for values in row), strict=False))
             since = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
             text = json.dumps(point | {"time_from_start": since})
             # YAML 1.1, which ROS reads, parses 1e-05 as a text.
@@ -184,7 +188,7 @@ def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> N
             file.write(f"- {text}\n")
 
 
-_FIELDS = ("positions", "velocities", "accelerations", "effort")
+_FIELDS = ("positions", "velocities", "accelerations")
 _NO_POINT = re.compile(r"(?<![.\d])(\d)e")
 
 
