@@ -24,11 +24,9 @@ SCENARIO, ABOUT = "scenario.yaml", "about.json"
 
 _SLAVE = """\
 # Needs a Python with the version of sdt_drake that wrote this.
-from sdt_drake.machine.fmu_slave import LoopSlave
+from sdt_drake.machine.fmu_slave import LoopSlave, give_reference
 
-# PythonFMU's loader releases a reference to these globals with each instance, without owning one.
-# The second instance would find them deleted; these extra references prevent it.
-_kept = [globals()] * 10_000
+give_reference(globals())  # PythonFMU's loader executes this once per instance, then releases one
 
 
 class Loop(LoopSlave):

@@ -1,17 +1,18 @@
 """The code that an FMU runs. The script in each FMU derives its class from `LoopSlave`."""
 
+import ctypes
 import json
+import sys
 from dataclasses import replace
 from functools import partial
 from operator import itemgetter, setitem
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
-from pythonfmu.enums import Fmi2Status
 
-from sdt_drake.io.arguments import whole_periods
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.versions import versions
@@ -27,6 +28,18 @@ _INPUTS = {"torque": ("tau_cmd",), "reference": ("q_ref", "v_ref", "vd_ref")}
 
 _MEANINGS = read_yaml(Path(__file__).with_name("fmu_variables.yaml"))
 
+_SAME_TIME = 1e-6  # [periods] distance between a sample and a time that means it
+
+
+def give_reference(*objects: Any) -> None:
+    """Give away a reference to each object.
+
+    PythonFMU up to 0.7 releases references that it does not own: to the globals of the script at
+    each instance, and to the instance, its class and its messages at each error.
+    """
+    for one in objects:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(one))
+
 
 def _changed(friction: Friction, viscous: Array, coulomb: Array) -> Friction:
     """Return friction with other viscous and Coulomb parts; breakaway changes with the latter."""
@@ -40,8 +53,8 @@ def _changed(friction: Friction, viscous: Array, coulomb: Array) -> Friction:
 class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     """A loop on the coupled plant whose reference or torque command is an input.
 
-    A step is a whole number of the scenario's interpolation periods. The loop starts at time 0, at
-    rest. Vectors have a variable for each joint, `q[1]`: joint side, but motor side for torques.
+    The loop starts at time 0, at rest, and takes steps of any size. Vectors have a variable for
+    each joint, `q[1]`: joint side, but motor side for torques.
     """
 
     def __init__(self, **instance: Any) -> None:
@@ -52,7 +65,6 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         if here != made:
             raise InputError(f"sdt_drake {here}, expected {made}, the version that wrote the FMU")
         self._given = about["inputs"]
-        self._problem = ""
         self._scenario = load_scenario(folder / SCENARIO)
         self._design = design = make_design(self._scenario)
         self._names, n = _INPUTS[self._given], design.device.simulated.n
@@ -95,6 +107,15 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
                     nested=False,
                 )
 
+    def to_xml(self, *options: Any) -> Element:
+        root: Element = super().to_xml(*options)
+        structure = root.find("ModelStructure")
+        assert structure is not None
+        # FMI 2.0.4, 2.2.8: outputs without a start value are unknowns of the initialization.
+        initial = SubElement(structure, "InitialUnknowns")
+        initial.extend(structure.findall("Outputs/Unknown"))
+        return root
+
     @property
     def _period(self) -> float:
         return self._design.reference.held.period
@@ -105,19 +126,24 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self, start: float, stop: float | None = None, tolerance: float | None = None
     ) -> None:
         if start != 0:
-            self._refuse(f"start time {start:g} s, expected 0")
+            self._fail(f"start time {start:g} s, expected 0")
 
     def exit_initialization_mode(self) -> None:
         try:
             self._check_finite(self._parameters | self._inputs)
             self._begin()
         except InputError as error:
-            self._refuse(f"{error}")
+            self._fail(f"{error}")
 
-    def _refuse(self, problem: str) -> None:
-        """Log a problem and let every step fail; an exception here would end some simulators."""
-        self._problem = problem
-        self.log(problem, Fmi2Status.error)
+    def _fail(self, problem: str) -> None:
+        """Let the call of the other simulator fail.
+
+        The text is also written to stderr, since PythonFMU gives it to simulators only with
+        debug logging.
+        """
+        sys.stderr.write(f"{self.instance_name}: {problem}\n")
+        give_reference(self, type(self), self.log_queue)
+        raise InputError(problem)
 
     def _begin(self) -> None:
         """Build the loop with the parameters and start it at rest."""
@@ -139,21 +165,18 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self._feed()
         self._loop.set_steady_state(self._context, q=self._parameters["q_start"])
         self._simulator.Initialize()
-        self._done = 0  # periods
         self._read()
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         try:
-            if self._problem:
-                raise InputError(self._problem)
-            periods = whole_periods(step_size, self._period, "step size")
             self._check_finite(self._inputs)
         except InputError as error:
-            self.log(f"{error}", Fmi2Status.error)
-            return False
+            self._fail(f"{error}")
         self._feed()
-        self._done += periods
-        self._simulator.AdvanceTo(self._done * self._period)  # exactly the time of the sample
+        periods = (self._context.get_time() + step_size) / self._period
+        if abs(periods - round(periods)) < _SAME_TIME:
+            periods = round(periods)  # exactly the time of the sample
+        self._simulator.AdvanceTo(periods * self._period)
         self._read()
         return True
 

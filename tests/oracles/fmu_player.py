@@ -28,7 +28,7 @@ class Fmu:
             instanceName="loop",
         )
         self.slave.instantiate(loggingOn=True)
-        self._steps = 0
+        self._time = 0.0
 
     def begin(self, start=0.0, **parameters):
         self.slave.setupExperiment(startTime=start)
@@ -48,8 +48,8 @@ class Fmu:
         return np.array(self.slave.getReal(self.numbers(name)))
 
     def step(self, period=PERIOD):
-        self.slave.doStep(self._steps * PERIOD, period)
-        self._steps += 1
+        self.slave.doStep(self._time, period)
+        self._time += period
 
 
 @contextmanager
