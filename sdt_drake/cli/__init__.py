@@ -5,12 +5,12 @@ are further functions of the module.
 """
 
 GROUPS = {
-    "Start": ("reproduce", "init", "scenarios", "docs", "reference"),
+    "Start": ("reproduce", "init", "list", "docs"),
     "Simulate": ("simulate", "compare", "view", "diagram"),
     "Control": ("tune", "step", "bode", "stability", "budget"),
-    "Motion and pilot": ("plan", "stops", "motions", "pilot", "fly"),
+    "Motion and pilot": ("plan", "pilot", "fly", "stops"),
     "Real machine": ("excite", "identify", "judge", "replay", "learn", "export"),
-    "Many runs": ("study", "size", "report"),
+    "Many runs": ("study", "size"),
 }
 """The names of the commands by their job, most used first, as in --help."""
 
@@ -18,6 +18,9 @@ COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 """The names of the commands, in the order of --help."""
 
 SUBCOMMANDS = {
+    "reproduce": ("report",),
+    "list": ("motions",),
+    "docs": ("files",),
     "pilot": ("validate", "people"),
     "learn": ("update",),
     "export": ("fmu",),

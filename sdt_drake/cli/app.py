@@ -1,5 +1,7 @@
 """The command line `sdt-drake`."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 import shlex
@@ -8,19 +10,22 @@ import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
-
-from cyclopts import App, CycloptsError, Group, Parameter
+from typing import TYPE_CHECKING, Any
 
 import sdt_drake
 from sdt_drake.cli import COMMANDS, GROUPS, SUBCOMMANDS
 from sdt_drake.cli.old_forms import modern
-from sdt_drake.cli.printing import bar, console, stop_printing
+from sdt_drake.cli.printing import bar, console, echo, echo_wrapped, stop_printing
 from sdt_drake.cli.telling import in_options
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs
 from sdt_drake.io.progress import watching
 from sdt_drake.io.trust import asking, is_kept, keep, trusting
+
+if TYPE_CHECKING:
+    from cyclopts import App, CycloptsError
+
+# cyclopts is imported inside functions: --help lists the commands without it, in half the time.
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
@@ -32,16 +37,37 @@ Name the SCENARIO, MOTION, RECORDING or ROBOT first; pass further files with opt
 example: sdt-drake reproduce --out out
 """
 
-_COMPLETION = "Install completion of commands, options and names by the Tab key."
+_INSTALL = "--install-completion"
+_OPTIONS = {
+    "--help, -h": "Print this text; behind a command, its options.",
+    "--version": "Print the version.",
+    _INSTALL: "Install completion of commands, options and names by the Tab key.",
+}
 
 _MAX_LINE = 1000  # characters of a printed error
+
+
+def overview() -> None:
+    """Print the commands in their groups, from the first lines of their help."""
+    echo("Usage: sdt-drake COMMAND\n")
+    for paragraph in _HELP.strip().split("\n\n"):
+        echo_wrapped(paragraph, rest="", width=80)
+        echo()
+    for job, names in {**GROUPS, "Options": tuple(_OPTIONS)}.items():
+        echo(job, "bold")
+        width = max(map(len, names)) + 2
+        for name in names:
+            text = _OPTIONS.get(name) or _line(name)
+            echo_wrapped(f"{name:{width}}{text}", "  ", " " * (width + 2), width=80)
+        echo()
 
 
 def commands(name: str = "") -> App:
     """Make the app with its commands, and import those that the first word `name` needs.
 
-    An option such as --help needs none, and "" needs all.
+    An option such as --version needs none, and "" needs all.
     """
+    from cyclopts import App, Group, Parameter
     from cyclopts.help import DefaultFormatter, PanelSpec
     from rich.box import ROUNDED, SIMPLE
 
@@ -50,8 +76,9 @@ def commands(name: str = "") -> App:
         name="sdt-drake",
         help=_HELP,
         version=f"sdt-drake {sdt_drake.__version__}",
-        help_format="plaintext",  # Markdown would add a fifth to the time of --help
+        help_format="markdown",
         group_commands=Group("Options", sort_key=len(GROUPS)),
+        group_parameters=Group("Options", sort_key=0),
         console=console,
         help_formatter=DefaultFormatter(panel_spec=PanelSpec(box=box)),
         default_parameter=Parameter(negative=()),
@@ -61,23 +88,24 @@ def commands(name: str = "") -> App:
     for k, (job, names) in enumerate(GROUPS.items()):
         group = Group(job, sort_key=k)
         for order, command in enumerate(names):
-            _add(app, command, name, group=group, sort_key=order)
+            _add(app, command, name, group=group, sort_key=order, help_format="markdown")
     if name not in COMMANDS:
-        app.command("sdt_drake.cli.install:run", name="--install-completion", help=_COMPLETION)
+        app.command("sdt_drake.cli.install:run", name=_INSTALL, help=_OPTIONS[_INSTALL])
     return app
 
 
 def _add(app: App, command: str, name: str, **place: Any) -> None:
     """Add a command to the app of `commands(name)`, and its subcommands."""
+    from cyclopts import App
+
     module = f"sdt_drake.cli.{command}"
-    line = _line(command) if name.startswith("-") else None
     if command not in SUBCOMMANDS:
-        kept = {**place, "help": line, "help_format": "markdown"}
-        app.command(f"{module}:run", name=command, **kept)
+        app.command(f"{module}:run", name=command, **place)
         return
     has_default = "run" not in SUBCOMMANDS[command] and name in (command, "")
     line = None if has_default else _line(command)
-    own = App(name=command, help=line, help_format="markdown", group_commands="Commands", **place)
+    place["group_parameters"] = app.group_parameters
+    own = App(name=command, help=line, group_commands="Commands", **place)
     for sub in SUBCOMMANDS[command]:
         own.command(f"{module}:{sub}", name=sub, help_format="markdown")
         if name in (command, ""):
@@ -111,12 +139,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = _run(words)
     except KeyboardInterrupt:
         code = INTERRUPTED
-    except CycloptsError as error:
-        names = [name for name in words[:1] if name in COMMANDS]
-        names += [x for x in words[1:2] if x in SUBCOMMANDS.get(words[0], ())]
-        prog, text = " ".join(["sdt-drake", *names]), f"{error}"
-        text = text if text.endswith("...") else text.removesuffix(".")
-        code, lines = BAD_INPUT, [f"{text} (see {prog} --help)"]
     except InputError as error:
         code, lines = BAD_INPUT, error.lines
     except BrokenPipeError:
@@ -141,10 +163,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if not arguments:
-        raise CycloptsError("COMMAND: missing")
+    if list(arguments) in (["--help"], ["-h"]):
+        overview()
+        return 0
+    from cyclopts import CycloptsError
+
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
-        command, bound, _ = commands(arguments[0]).parse_args(arguments)
+        try:
+            if not arguments:
+                raise CycloptsError("COMMAND: missing")
+            command, bound, _ = commands(arguments[0]).parse_args(arguments)
+        except CycloptsError as error:
+            raise _wrong_usage(error, arguments) from None
         given = bound.arguments
         if arguments[0] in COMMANDS:
             _check_surroundings(bool(given.get("show")))
@@ -158,6 +188,15 @@ def _run(arguments: Sequence[str]) -> int:
     for warning in caught:  # of libraries; after an error they are left out
         _print_error(f"warning: {warning.message}")
     return code or 0
+
+
+def _wrong_usage(error: CycloptsError, words: Sequence[str]) -> InputError:
+    """Return an error of the parser with the --help that describes what would be right."""
+    names = [name for name in words[:1] if name in COMMANDS]
+    names += [x for x in words[1:2] if x in SUBCOMMANDS.get(words[0], ())]
+    text = f"{error}"
+    text = text if text.endswith("...") else text.removesuffix(".")
+    return InputError(f"{text} (see {' '.join(['sdt-drake', *names])} --help)")
 
 
 def _ask(path: str, digest: str) -> bool:

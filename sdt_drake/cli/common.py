@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter, Token
+from cyclopts import Group, Parameter, Token
 from cyclopts.validators import Number
 
 from sdt_drake.cli import completion
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from sdt_drake.run.design import Design
 
 # Heavy imports are inside functions, so that --help and --version are fast.
+
+COMMON = Group("Common options", sort_key=1)
+"""The options that most commands have and that mean the same in all, behind a command's own."""
 
 MOTION = "reference"
 ROBOT = "sdt"
@@ -98,7 +101,7 @@ def one_of(*kinds: str, **more: Any) -> Parameter:
 
 Scenario = Annotated[
     str,
-    one_of("scenario", help="name of a shipped scenario (`sdt-drake scenarios`), or .yaml file"),
+    one_of("scenario", help="name of a shipped scenario (`sdt-drake list`), or .yaml file"),
 ]
 Motion = Annotated[
     str, one_of("motion", help="name of a shipped motion, motion profile .yaml or motion file .csv")
@@ -115,6 +118,7 @@ Changes = Annotated[
         converter=_changes,
         n_tokens=1,
         show_default=False,
+        group=COMMON,
         completer=completion.fields,
         help="change a field of the scenario; repeat the option for more: "
         "`--set controller.kind=p_pi --set plant.deviation.payload_mass=20`",
@@ -124,6 +128,7 @@ Trust = Annotated[
     bool,
     Parameter(
         show_default=False,
+        group=COMMON,
         help="run the Python file that the scenario names without asking",
     ),
 ]
@@ -141,9 +146,13 @@ class Given:
 
 Integer = Annotated[int, Parameter(converter=_whole)]
 Target = Annotated[Path, Parameter(converter=_path)]
-Out = Annotated[Path | None, Parameter(converter=_path)]
+OptionalTarget = Annotated[Path | None, Parameter(converter=_path)]
+Out = Annotated[OptionalTarget, Parameter(group=COMMON)]
+OutFolder = Annotated[Target, Parameter(group=COMMON)]
 Flag = Annotated[bool, Parameter(show_default=False)]
-Show = Annotated[bool, Parameter(show_default=False, help="open the figure on the screen")]
+Show = Annotated[
+    bool, Parameter(show_default=False, group=COMMON, help="open the figure on the screen")
+]
 OmegaR = Annotated[float | None, number(gt=0)]
 Cutoff = Annotated[float | None, number(gte=0.1, lte=1000)]
 Columns = Annotated[

@@ -1,16 +1,26 @@
 """The command `docs`."""
 
+from __future__ import annotations
+
 import webbrowser
 from importlib.metadata import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 import sdt_drake
 from sdt_drake.cli import COMMANDS, SUBCOMMANDS
-from sdt_drake.cli.printing import echo
+from sdt_drake.cli.common import Out, check_file, check_folder
+from sdt_drake.cli.printing import echo, echo_wrapped
+from sdt_drake.io.arguments import one_of
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import write_text
+
+if TYPE_CHECKING:
+    from sdt_drake.show.reference import Chapter
+
+_WIDTH = 80  # columns
 
 
 def run(
@@ -22,10 +32,12 @@ def run(
 ) -> None:
     """Open the documentation at the page of a command, a file, a field or a Python name.
 
+    `docs files` prints the fields of each kind of file.
+
     example: sdt-drake docs controller.kp
 
     Args:
-        topic: a command, a kind of file (`sdt-drake reference`), a field, or a name in `sdt_drake`
+        topic: a command, a kind of file (`sdt-drake docs files`), a field, or a name in `sdt_drake`
             (default: the first page)
         folder: folder of the offline documentation (default: the environment's SDT_DRAKE_DOCS, else
             the web)
@@ -79,3 +91,52 @@ def _address(page: str, folder: Path | None) -> str:
         urls = dict(url.split(", ") for url in metadata("sdt_drake").get_all("Project-URL", []))
         return f"{urls['Documentation']}{path}{'/' * bool(path)}{place}"
     return (folder / f"{path or 'index'}.html").resolve().as_uri() + place
+
+
+# --- fields of files -------------------------------------------------------------------------
+
+
+def files(kind: str | None = None, /, *, out: Out = None) -> None:
+    """Print the fields of each kind of file: units, sides, defaults, choices, meanings.
+
+    example: sdt-drake docs files scenario
+
+    Args:
+        kind: scenario, motion, study and so on (default: list all kinds)
+        out: file for the fields (.md) or for the JSON Schema (.json) of the kind; without a kind,
+            folder for both of all kinds
+    """
+    from sdt_drake.show.reference import FILES, TOPICS, schema_text, write_reference
+
+    if kind is None:
+        if out is not None:
+            check_folder(out)
+            for path in write_reference(out):
+                echo(f"{path} written")
+            return
+        for name, make in TOPICS.items():
+            schema = ", with a JSON Schema" * (name in FILES)
+            echo(f"{name:12s}  {make().title}{schema}")
+        return
+    one_of(kind, "KIND", tuple(TOPICS))
+    chapter = TOPICS[kind]()
+    if out is None:
+        _print(chapter)
+        return
+    check_file(out, (".md", ".json"))
+    if out.suffix == ".json" and kind not in FILES:
+        raise InputError(
+            f"{out}: {kind} has no JSON Schema, expected one of {', '.join(FILES)}, or .md"
+        )
+    write_text(out, schema_text(kind) if out.suffix == ".json" else f"{chapter.markdown()}\n")
+    echo(f"{out} written")
+
+
+def _print(chapter: Chapter) -> None:
+    for k, sheet in enumerate(chapter.sheets):
+        echo("\n" * (k > 0) + (sheet.title or chapter.title))
+        for paragraph in sheet.text.split("\n\n"):
+            echo_wrapped(paragraph, "", "", _WIDTH)
+        for row in sheet.rows:
+            echo_wrapped(f"{row[0]}: {sheet.details(row)}", "  ", "  ", _WIDTH)
+            echo_wrapped(row[-1], "      ", "      ", _WIDTH)

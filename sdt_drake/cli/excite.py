@@ -1,6 +1,6 @@
 """The command `excite`."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -16,9 +16,8 @@ def run(
     /,
     *,
     duration: Annotated[float, number(gte=1)] = 30.0,
-    payload: Annotated[
-        list[str] | None, Parameter(metavar="[LINK]", consume_multiple=(0, 1))
-    ] = None,
+    only: Literal["payload"] | None = None,
+    payload: str | None = None,
     margin: Annotated[float | None, number(gt=0, lte=1)] = None,
     acceleration: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
     noise: Annotated[float | None, number(gt=0, lte=1)] = None,
@@ -30,8 +29,8 @@ def run(
 
     Args:
         duration: duration of the motion [s]
-        payload: excite only the payload, with a gentle motion; all else must be known (default
-            of LINK: payload)
+        only: excite the payload alone, with a gentle motion; all else must be known
+        payload: link that `--only payload` excites (default: payload)
         margin: share of the limits of position, speed, acceleration and torque to use (default:
             0.8)
         acceleration: acceleration limits of the joints [rad/s²] (default: those of the robot's
@@ -54,8 +53,8 @@ def run(
     model = sdt.load_robot(robot)
     gently = 1.0
     target = Target.everything(model, noise)
-    if payload is not None:
-        target, gently = Target.payload(model, (payload or ["payload"])[0], noise), GENTLY
+    if only is not None:
+        target, gently = Target.payload(model, payload or "payload", noise), GENTLY
     found = excite(target, duration, margin=margin, gently=gently, acceleration=acceleration)
     echo(
         f"{model.name}: {duration:g} s of motion identify {len(target.names)} parameters with "

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Given, Integer, Scenario, Target, number, one_of
+from sdt_drake.cli.common import Given, Integer, OutFolder, Scenario, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
@@ -16,7 +16,7 @@ def run(
     /,
     *,
     drive: Annotated[str, one_of("drives")],
-    out: Target = Path("exported"),
+    out: OutFolder = Path("exported"),
     scenario: Annotated[str | None, one_of("scenario")] = None,
     cam_points: Annotated[Integer, number(gte=2)] = 1000,
     effort: bool = False,
@@ -95,7 +95,7 @@ def fmu(
     scenario: Scenario,
     /,
     *,
-    out: Target = Path("loop.fmu"),
+    out: OutFolder = Path("loop.fmu"),
     input: Literal["torque", "reference"] = "torque",
     given: Given = Given(),
 ) -> None:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Columns, Flag, Robot, Target, Trust, number, one_of
+from sdt_drake.cli.common import Columns, Flag, OutFolder, Robot, Trust, number, one_of
 from sdt_drake.cli.printing import echo, echo_wrapped, print_table
 
 _Seconds = Annotated[float, number(gt=0)]
@@ -16,7 +16,7 @@ def run(
     flight: Annotated[str, one_of("flight")],
     /,
     *,
-    out: Target,
+    out: OutFolder,
     columns: Columns = None,
     approach: _Seconds = 15.0,
     departure: _Seconds = 15.0,

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Columns, Cutoff, Robot, Side, Target, Trust, number, one_of
+from sdt_drake.cli.common import Columns, Cutoff, OutFolder, Robot, Side, Trust, number, one_of
 from sdt_drake.cli.printing import echo, print_document_table
 
 
@@ -16,7 +16,7 @@ def run(
     recordings: Annotated[list[str], Parameter(name="RECORDING")],
     /,
     *,
-    out: Target = Path("identified"),
+    out: OutFolder = Path("identified"),
     columns: Columns = None,
     side: Side = None,
     validate: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,

@@ -15,14 +15,14 @@ _STARTER = Path(__file__).with_name("starter")
 
 _NEXT = """
 sdt-drake simulate scenario.yaml --out run.png        errors of the joints
-sdt-drake view scenario.yaml --record run.html        the device in 3D, in the browser
+sdt-drake view scenario.yaml --out run.html           the device in 3D, in the browser
 sdt-drake tune scenario.yaml                          inertia and controller gains
 sdt-drake pilot scenario.yaml                         motion that the pilot feels
 sdt-drake plan motion.yaml --robot robot.sdf          torques and speeds of the motors
 sdt-drake study run study.yaml --workers 2 --out mc   many devices; needs sdt_drake[study]
 
 Edit the files, or change single fields: --set controller.kind=pi
-All fields of all files: sdt-drake reference"""
+All fields of all files: sdt-drake docs files"""
 
 _NEXT_OF_OWN = (
     ("view {robot} --out robot.html", "check axes, limits and masses"),
@@ -36,7 +36,7 @@ _NEXT_OF_OWN = (
     ("identify {robot} run.csv --columns columns.yaml --out found", "the identified robot"),
     ("study run study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
 )
-_LAST_OF_OWN = "Replace the values marked ASSUMED. All fields of all files: sdt-drake reference"
+_LAST_OF_OWN = "Replace the values marked ASSUMED. All fields of all files: sdt-drake docs files"
 
 
 def run(

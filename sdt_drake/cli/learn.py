@@ -11,7 +11,17 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Columns, Flag, Given, Integer, Target, number, one_of
+from sdt_drake.cli.common import (
+    Changes,
+    Columns,
+    Flag,
+    Given,
+    Integer,
+    OutFolder,
+    Target,
+    number,
+    one_of,
+)
 from sdt_drake.cli.printing import echo, print_document_table, print_joints
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files
@@ -62,7 +72,7 @@ def run(
     study: _Study = None,
     draws: _Draws = None,
     all: Flag = False,
-    out: Target = Path("learned"),
+    out: OutFolder = Path("learned"),
     given: Given = Given(),
 ) -> None:
     """Fly a motion several times and learn a better reference from its errors.

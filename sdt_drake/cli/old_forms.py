@@ -1,6 +1,7 @@
 """Command lines of 0.4 in today's form; they work until 0.7."""
 
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from sdt_drake.cli import SUBCOMMANDS
@@ -16,9 +17,10 @@ def modern(words: Sequence[str]) -> tuple[list[str], str]:
     command, rest = words[:1], list(words[1:])
     names = [word.partition("=")[0] for word in rest]
     for old, (new, form) in _FORMS.items():
-        own, option = old.split()
-        if [own] == command and option in names and rest[0] != "people":
-            today = [word for word in new.split() if word.isalpha() and word.islower()]
+        own, *options = old.split()
+        is_new = options and {"people", "--only"} & {*names}
+        if [own] == command and {*options} <= {*names} and not is_new:
+            today = takewhile(lambda word: word.isalpha() and word.islower(), new.split())
             return [*today, *form(rest)], _LINE.format(old, new)
     if command == ["study"] and any(rest[k] not in SUBCOMMANDS["study"] for k in _first(rest)):
         return ["study", "run", *rest], _LINE.format("study STUDY", "study run STUDY")
@@ -55,6 +57,13 @@ def _update(words: list[str]) -> list[str]:
     return [*state, *scenario, *words]
 
 
+def _excited(words: list[str]) -> list[str]:
+    k = next(k for k, word in enumerate(words) if word.startswith("--payload"))
+    behind = words[k + 1 : k + 2]
+    has_link = "=" in words[k] or (behind != [] and not behind[0].startswith("--"))
+    return [*words[:k], "--only", "payload", *words[k if has_link else k + 1 :]]
+
+
 def _renamed(words: list[str], names: dict[str, str]) -> list[str]:
     parts = (word.partition("=") for word in words)
     return ["".join(names.get(part, part) for part in word) for word in parts]
@@ -62,7 +71,14 @@ def _renamed(words: list[str], names: dict[str, str]) -> list[str]:
 
 _FMU = {"--fmu": "--out", "--fmu-input": "--input"}
 _WEIGHT = {"--structure": "--setpoint-weight", "pi": "1", "p_in_feedback": "0"}
+_RECORD = {"--record": "--out"}
 _FORMS: dict[str, tuple[str, Callable[[list[str]], list[str]]]] = {
+    "scenarios": ("list", list),
+    "motions": ("list motions", list),
+    "reference": ("docs files", list),
+    "report": ("reproduce report", list),
+    "view --record": ("view --out", lambda words: _renamed(words, _RECORD)),
+    "excite --payload": ("excite --only payload", _excited),
     "identify --judge": ("judge ROBOT RECORDING", _judge),
     "pilot --validate": ("pilot validate", lambda words: [x for x in words if x != "--validate"]),
     "pilot --pilots": ("pilot people MOTION --pilots", list),

@@ -10,7 +10,16 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Motion, OtherRobot, Out, Show, Trust, number, one_of
+from sdt_drake.cli.common import (
+    Motion,
+    OptionalTarget,
+    OtherRobot,
+    Out,
+    Show,
+    Trust,
+    number,
+    one_of,
+)
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.shown import formatted
@@ -34,7 +43,7 @@ def run(
     torque_margin: Annotated[float, number(gt=0, lte=1)] = 1.0,
     envelope: Annotated[str | None, one_of("scenario")] = None,
     stoppable: Annotated[str | None, one_of("stops")] = None,
-    drive_table: Annotated[Out, Parameter(metavar="FILE.csv")] = None,
+    drive_table: Annotated[OptionalTarget, Parameter(metavar="FILE.csv")] = None,
     out: Out = None,
     show: Show = False,
     trust: Trust = False,

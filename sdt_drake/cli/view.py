@@ -26,51 +26,49 @@ ROBOTS = (".sdf", ".urdf")
 
 
 def run(
-    what: Annotated[
-        str, one_of("scenario", "motion", "robot", name="SCENARIO|MOTION|FILE.csv|ROBOT.urdf")
-    ],
+    what: Annotated[str, one_of("scenario", "motion", "robot", name="SCENARIO|MOTION|ROBOT")],
     /,
     *,
     robot: OtherRobot = None,
-    record: Annotated[Out, Parameter(name=["--record", "--out"], metavar="FILE.html")] = None,
     pilot: Flag = False,
     rate: Annotated[float | None, number(gte=0.01, lte=1000)] = None,
     port: Annotated[Integer | None, number(gte=1024, lte=65535)] = None,
     once: Flag = False,
+    out: Annotated[Out, Parameter(metavar="FILE.html")] = None,
     given: Given = Given(),
 ) -> None:
     """Show a motion, or a robot with its axes and masses, in 3D: in a browser or as a page.
 
-    example: sdt-drake view coupled_pi_ctc --record run.html
+    example: sdt-drake view coupled_pi_ctc --out run.html
 
     Args:
         what: scenario to simulate, motion profile to plan, motion file or recording to play, or
             robot to turn with sliders: shipped name, or .yaml, .csv, .sdf or .urdf file
-        record: page (.html) to write in place of the live view
         pilot: start with the pilot's own view
         rate: live view: speed of the playback, 2 for twice as fast, 0.01 to 1000 (default: 1)
         port: live view: port, 1024 to 65535 (default: a free one)
         once: live view: stop at the end of the motion
+        out: page (.html) to write in place of the live view
     """
     from sdt_drake.io.resources import named
     from sdt_drake.pilot.head import has_head
     from sdt_drake.show.view3d.scene import check_angles
     from sdt_drake.show.view3d.viewer import PAGES, play, record_html
 
-    if record is not None:
-        common.check_file(record, PAGES)
-        common.refuse("has no effect with --record", rate=rate, port=port, once=once)
+    if out is not None:
+        common.check_file(out, PAGES)
+        common.refuse("has no effect with --out", rate=rate, port=port, once=once)
     if Path(named(what, "scenario", "motion", "robot")).suffix in ROBOTS:
         unused = "has no effect on a robot"
         common.refuse(unused, robot=robot, pilot=pilot, rate=rate, changes=given.changes)
-        _robot(what, record, port, once)
+        _robot(what, out, port, once)
         return
     title, model, time, q, story = _motion(what, robot, pilot, given.changes)
     with within(what):
         check_angles(model, time, q)
-    if record is not None:
-        record_html(model, time, q, record, title=title, pilot=pilot, story=story)
-        echo(f"{record} written")
+    if out is not None:
+        record_html(model, time, q, out, title=title, pilot=pilot, story=story)
+        echo(f"{out} written")
         return
     announce = _announcing(title, once, has_head(model))
     play(model, time, q, rate=rate or 1.0, pilot=pilot, port=port, once=once, announce=announce)
@@ -88,14 +86,14 @@ def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]
     return announce
 
 
-def _robot(what: str, record: Path | None, port: int | None, once: bool) -> None:
+def _robot(what: str, out: Path | None, port: int | None, once: bool) -> None:
     """Show a robot by itself."""
     from sdt_drake.show.view3d import robot_page as shown
 
     model = sdt.load_robot(what)
     links = shown.moving_links(model)
     title = shown.sentence(model, links)
-    if record is None:
+    if out is None:
         echo(f"{title}.")
         for table in (shown.joint_table(model), shown.link_table(links)):
             echo()
@@ -105,8 +103,8 @@ def _robot(what: str, record: Path | None, port: int | None, once: bool) -> None
         announce = _announcing(model.name, once, has_head=False)
         shown.show_robot(model, port=port, once=once, announce=announce)
         return
-    shown.robot_html(model, record)
-    echo(f"{title}; {record} written")
+    shown.robot_html(model, out)
+    echo(f"{title}; {out} written")
     echo(f"next, for files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
 
 

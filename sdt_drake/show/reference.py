@@ -42,7 +42,7 @@ FILES: Mapping[str, type] = {
 """Kinds of YAML files, with the class that each file is read into."""
 
 _FIELDS = ("field", "takes", "unit", "default", "meaning")
-_BEGIN, _END = "<!-- reference: `sdt-drake reference --out models` -->", "<!-- end -->"
+_BEGIN, _END = "<!-- reference: `sdt-drake docs files --out models` -->", "<!-- end -->"
 
 SCHEMAS = "schemas"
 """The folder of the JSON Schemas, in that of the reference."""

@@ -23,7 +23,7 @@ TABLE = yaml.safe_load(Path(__file__).with_name("bad_use.yaml").read_text(encodi
     ("line", "word"),
     [
         ("", "COMMAND"),
-        ("explode", "reproduce, init, scenarios"),
+        ("explode", "reproduce, init, list"),
         ("simulat", 'Did you mean "simulate"?'),
         ("simulate", "SCENARIO"),
         ("plan --wide", "--wide (see sdt-drake plan --help)"),
@@ -74,7 +74,7 @@ def options_of(name):
         app = app[word]
     names = [x for argument in app.assemble_argument_collection() for x in argument.names]
     found = {x for x in names if x.startswith("--") and not x.startswith(("--no-", "--empty-"))}
-    assert found or name in ("report", "scenarios")
+    assert found or name in ("reproduce report", "list")
     return sorted(found)
 
 

@@ -110,7 +110,7 @@ def test_signal_leaves_all_files_of_a_set_or_none(stopped, tmp_path, event, word
 @pytest.mark.parametrize(
     ("line", "heavy"),
     [
-        ("--help", {"numpy", "rich.markdown"}),
+        ("--help", {"cyclopts", "numpy", "rich.markdown"}),
         ("--version", {"sdt_drake.cli.common"}),
         ("tune reference", {"matplotlib", "pandas"}),
         ("simulate axis_pi", {"matplotlib", "pandas"}),

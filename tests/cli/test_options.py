@@ -41,7 +41,7 @@ planners leave others as they are."""
 
 LINES = {
     **POSITIONAL,
-    "docs": "simulate", "simulate": f"{RUN} --out x.svg", "view": f"{RUN} --record a.html",
+    "docs": "simulate", "simulate": f"{RUN} --out x.svg", "view": f"{RUN} --out a.html",
     "export": "moved.csv --drive drives", "tune": f"{SHORT_MOTION} --out t.json",
     "learn": "../given/cascade.yaml", "learn update": "s all.csv --scenario ../given/cascade.yaml",
 }  # fmt: skip

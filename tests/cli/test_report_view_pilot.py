@@ -1,4 +1,4 @@
-"""The commands `report`, `view` and `pilot`: what they write, replace and print."""
+"""The commands `reproduce report`, `view` and `pilot`: what they write, replace and print."""
 
 import json
 import re
@@ -33,7 +33,7 @@ def folder(reproduced, tmp_path):
     return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
 
 
-# --- `sdt-drake report`: files of `reproduce` are read again ----------------------------------
+# --- `sdt-drake reproduce report`: files of `reproduce` are read again ---------------------
 
 
 def test_summary_text_is_escaped_in_the_report(folder):
@@ -79,7 +79,7 @@ def test_broken_input_is_named_and_the_old_report_stays(folder, name, old, new, 
 
 def test_studies_in_the_folder_become_report_chapters(folder, given, good, undrawn):
     good("study", "run", given("tiny.yaml", TINY), "--out", folder / "own")
-    assert good("report", folder).out == f"{folder / REPORT} written\n"
+    assert good("reproduce", "report", folder).out == f"{folder / REPORT} written\n"
     page = (folder / REPORT).read_text(encoding="utf-8")
     chapter = re.search("<h2>Study tiny</h2>.*?</section>", page, re.DOTALL)
     assert "2 runs" in chapter[0] and chapter[0].count("<figure><") >= 2
@@ -107,7 +107,7 @@ def shown(monkeypatch):
 @pytest.mark.parametrize("other", [{"q_ref": 0 * ANGLES, "q": ANGLES}, {"q_ref": ANGLES}])
 def test_pilot_takes_angles_of_a_table(desk, good, shown, other):
     write_table(desk / "recorded.csv", TIME, other)
-    good("view", "recorded.csv", "--record", "a.html", "--pilot")
+    good("view", "recorded.csv", "--out", "a.html", "--pilot")
     (call_,) = shown
     np.testing.assert_array_equal(call_["q"], ANGLES)
     assert (call_["title"], call_["path"]) == ("recorded", (Path("a.html"),)) and call_["pilot"]

@@ -55,13 +55,13 @@ def test_committed_reference_equals_the_command():
 
 def test_reference_command_prints_and_writes_all_topics(tmp_path, capsys):
     for topic in TOPICS:
-        assert main(["reference", topic]) == 0
+        assert main(["docs", "files", topic]) == 0
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
     assert "  controller.omega_r: a number > 0 [rad/s]; default none\n" in out
-    assert main(["reference"]) == 0 and "scenario " in capsys.readouterr().out
-    assert main(["reference", "--out", str(tmp_path / "all")]) == 0
-    assert main(["reference", "--out", str(tmp_path / "all")]) == 0  # again
+    assert main(["docs", "files"]) == 0 and "scenario " in capsys.readouterr().out
+    assert main(["docs", "files", "--out", str(tmp_path / "all")]) == 0
+    assert main(["docs", "files", "--out", str(tmp_path / "all")]) == 0  # again
     assert len(list((tmp_path / "all").rglob("*.json"))) == len(FILES)
-    assert main(["reference", "motion", "--out", str(tmp_path / "motion.json")]) == 0
+    assert main(["docs", "files", "motion", "--out", str(tmp_path / "motion.json")]) == 0
     assert json.loads((tmp_path / "motion.json").read_text())["required"] == ["duration"]

@@ -1,29 +1,74 @@
-"""The command `motions`."""
+"""The command `list`: what ships."""
 
 from __future__ import annotations
 
 import math
+import re
+import textwrap
 from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Robot, one_of
-from sdt_drake.cli.printing import echo, echo_wrapped, print_table
+from sdt_drake.cli.printing import echo, echo_wrapped, line_width, print_table
 from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.files import read_text
+from sdt_drake.io.resources import SHIPPED, find_file, models_dir, shipped
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Command
     from sdt_drake.robot.robot import Robot as RobotModel
 
 _MAX_DURATION = 3600  # s; longer motions take too long to plan here
+_MAX_FILE = 1_000_000  # bytes
 
 
-def run(
+def run(name: Annotated[str | None, one_of(*SHIPPED)] = None, /) -> None:
+    """List all shipped files, scenarios first, or print one of them to start your own from.
+
+    `list motions` tells what the training motions make a pilot feel.
+
+    example: sdt-drake list coupled_pi_ctc
+
+    Args:
+        name: scenario, motion, study, robot, motors, drives or stops to print (default: list all)
+    """
+    if name is not None:
+        text = read_text(find_file(name, *SHIPPED), _MAX_FILE).removesuffix("\n")
+        # Editors need the whole path of the schema if the text is saved elsewhere.
+        echo(re.sub(r"(?<=schema=)(?:\.\./)?schemas", f"{models_dir() / 'schemas'}", text, count=1))
+        return
+    count = sum(len(shipped(kind)) for kind in SHIPPED)
+    echo(f"{count} files are shipped. Use their names in place of files:")
+    echo("sdt-drake simulate coupled_pi; in YAML, motion: leans")
+    echo("For a copy: sdt-drake list NAME > own.yaml")
+    echo()
+    width = max(line_width() - 20, 20)
+    for kind in SHIPPED:
+        echo(f"{kind}:")
+        for name in shipped(kind):
+            echo(f"  {name:16}  {textwrap.shorten(_about(name, kind), width, placeholder=' ...')}")
+        echo()
+
+
+def _about(name: str, kind: str) -> str:
+    """Return the beginning of a file's first comment, or its columns."""
+    text = find_file(name, kind).read_text(encoding="utf-8")
+    comment = re.search(r"<!--(.*?)-->|((?:^# (?!yaml-).*\n)+)", text, re.DOTALL | re.MULTILINE)
+    text = comment[1] or comment[2] if comment else f"Columns {text.partition(chr(10))[0]}"
+    words = re.sub(r"^#", "", text, flags=re.MULTILINE)
+    return re.split(r"[.:;(]\s|\s\(|(?<=\?)\s", " ".join(words.split()), maxsplit=1)[0]
+
+
+# --- training motions ------------------------------------------------------------------------
+
+
+def motions(
     motion: Annotated[str | None, one_of("motion")] = None, /, *, robot: Robot = common.ROBOT
 ) -> None:
-    """List the training motions, or print one in full.
+    """List the training motions, or print one in full, with the illusion that is predicted.
 
-    example: sdt-drake motions graveyard_spiral
+    example: sdt-drake list motions graveyard_spiral
 
     Args:
         motion: shipped motion, or motion profile .yaml
@@ -48,7 +93,7 @@ def _print_all(robot: RobotModel) -> None:
         joints = dict.fromkeys(joint for track in profile.tracks for joint in track.joints)
         rows.append((name, profile.title, f"{profile.duration:g}", ", ".join(joints), g))
         sentences.append(f"{name}: {sentence}")
-    echo(f"{len(rows)} motions are shipped; for one in full: sdt-drake motions {rows[0][0]}")
+    echo(f"{len(rows)} motions are shipped; for one in full: sdt-drake list motions {rows[0][0]}")
     print_table(("motion", "illusion", "duration [s]", "joints", "largest G"), rows)
     echo("largest G: at the pilot's head, if the joints follow the motion without error")
     echo()
