@@ -47,7 +47,7 @@ def run(
     """
     from sdt_drake.machine.identify.files import base_scenario
     from sdt_drake.machine.identify.filtering import HELD_OUT
-    from sdt_drake.machine.identify.model import identified_robot, plant_friction
+    from sdt_drake.machine.identify.model import identified_robot
     from sdt_drake.show.reports import identification as analysis
 
     if validate:
@@ -68,7 +68,7 @@ def run(
         cutoff=cutoff,
         held_out=held_out or HELD_OUT,
     )
-    better, files = identified_robot(found), plant_friction(found)
+    better, files = identified_robot(found), found.plant_friction
     for line in analysis.result(found):
         echo(line)
     for one in found.findings:

@@ -22,7 +22,7 @@ from helpers.known_truth import HEAVIER, PILOT
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
-from sdt_drake.machine.identify.model import identified_robot, plant_friction
+from sdt_drake.machine.identify.model import identified_robot
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.deviation import Deviation
@@ -74,7 +74,7 @@ def inside(nominal, design, run, seeds):
         beta = found.unknown.base.combination @ rigid_parameters(design.device.simulated)
         std = np.sqrt(np.diagonal(found.estimate.covariance))[: len(beta)]
         links.append(np.abs(found.estimate.beta - beta) < 1.96 * std)
-        files = plant_friction(found)
+        files = found.plant_friction
         off = np.array([files.friction.coulomb - COULOMB, files.friction.viscous - VISCOUS])
         friction.append(np.abs(off) < 1.96 * files.std)
     told(f"{len(links[0])} base parameters within 95 % intervals", np.mean(links))
@@ -117,7 +117,7 @@ def main(seeds=100):
     print(f"pi, below {found.cutoff:.1f} Hz, held against two training motions:")
     told("left held out", found.left(found.predicted, held_out=True))
     told("left by the file", found.left(found.equations.nominal, held_out=True))
-    files = plant_friction(found)
+    files = found.plant_friction
     for name, right, std in zip(("coulomb", "viscous"), (COULOMB, VISCOUS), files.std, strict=True):
         told(f"{name} off by", np.array(getattr(files.friction, name)) / right - 1)
         told("    its std", std / right)

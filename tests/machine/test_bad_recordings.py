@@ -13,7 +13,6 @@ from sdt_drake.machine.diagnose.finding import Finding
 from sdt_drake.machine.diagnose.fit import driving
 from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.filtering import smooth, stretches
-from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.show.reports.identification import friction_table
@@ -48,7 +47,7 @@ def test_recording_without_excitation_is_refused(robot, true):
     for words in ("joint 3 stands still: its friction", "base parameters are hardly excited"):
         assert sum(words in one.sentence for one in noisy.findings) == 1
     assert noisy.estimate.condition == np.inf
-    rows = friction_table(noisy, plant_friction(noisy)).rows
+    rows = friction_table(noisy, noisy.plant_friction).rows
     assert rows[2] == ("3 pitch", *"––––––") and "±" in rows[1][2]
     short = Recorded(recorded.path, recorded.time[:50], {"q": q[:50], "tau": tau[:50]})
     with pytest.raises(InputError, match=r"0\.49 s at 100 Hz, expected at least 1 s"):

@@ -13,10 +13,10 @@ from oracles import dh
 from scipy.linalg import sqrtm
 
 from sdt_drake.machine.diagnose.fit import inconsistent
-from sdt_drake.machine.identify import model
+from sdt_drake.machine.identify import plant
 from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.files import recorded_motion
-from sdt_drake.machine.identify.model import directions, plant_friction
+from sdt_drake.machine.identify.model import directions
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
@@ -69,10 +69,10 @@ def test_poorly_explained_joints_are_named_with_numbers(found):
 
 def test_spread_between_recordings_is_pooled_where_a_joint_has_less():
     days = np.array([[[1.0, 0.0], [0.0, 0.0]], [[-1.0, 0.0], [0.0, 0.0]]])
-    found = model._between(days, np.array([[10.0, 1.0], [5.0, 0.0]]))
+    found = plant._between(days, np.array([[10.0, 1.0], [5.0, 0.0]]))
     one = np.sqrt(2) / 10
     np.testing.assert_allclose(found, [[one, 0], [one / np.sqrt(2), 0]])
-    assert not model._between(days[:1], np.ones((2, 2))).any()
+    assert not plant._between(days[:1], np.ones((2, 2))).any()
 
 
 def test_scenario_friction_has_no_damping_and_no_stiff_bristles(tmp_path):
@@ -83,7 +83,7 @@ def test_scenario_friction_has_no_damping_and_no_stiff_bristles(tmp_path):
     time, q, v, vd = motion(chain, 10.0)
     tau = inverse_dynamics(chain, q, v, vd) + coulomb * np.sign(v)
     found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
-    friction = plant_friction(found).friction
+    friction = found.plant_friction.friction
     assert np.all(chain.damping == 9) and np.max(friction.viscous) < 0.3
     assert found.equations.nominal == pytest.approx(found.equations.known + 9 * found.equations.v)
     least = torque_groups(chain, q, v, vd).d_kk.min() + chain.reflected_inertia.min()
@@ -97,13 +97,13 @@ def test_joints_without_slow_motion_get_no_breakaway(robot):
     q, v = q + fast * time[:, None], v + fast
     tau = inverse_dynamics(robot, q, v, vd) + COULOMB_TRUE + VISCOUS_TRUE * v
     recorded = Recorded(Path("fast.csv"), time, {"q": q, "tau": tau})
-    friction = plant_friction(identify(robot, [recorded], only="friction", cutoff=5)).friction
+    friction = identify(robot, [recorded], only="friction", cutoff=5).plant_friction.friction
     assert friction.breakaway is None
     np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
     v = np.linspace(0.5, 3.0, 200)
     rounded = 60 + 16 * v + 1e-9 * (v == v[0])  # the slowest speed alone sees anything of a peak
     for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
-        (_, _, stribeck), _ = model._nearest(v, rounded, peak)
+        (_, _, stribeck), _ = plant._nearest(v, rounded, peak)
         assert stribeck == 0
 
 
@@ -117,7 +117,7 @@ def rubbed(recorded, share):
 def test_friction_of_another_recording_lies_within_its_interval(robot, true):
     """Two recordings, with a fifth less and more; one alone has the interval of its own day."""
     days = [rubbed(recorded_of(true, seed=i), share) for i, share in enumerate((-0.2, 0.2))]
-    alone, both = (plant_friction(identify(robot, days[:n], cutoff=5)) for n in (1, 2))
+    alone, both = (identify(robot, days[:n], cutoff=5).plant_friction for n in (1, 2))
     wanted = np.array([COULOMB_TRUE, VISCOUS_TRUE])
     off = [
         np.abs([files.friction.coulomb, files.friction.viscous] - wanted) / files.std

@@ -18,10 +18,10 @@ from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.estimation import estimate
 from sdt_drake.machine.identify.filtering import compared, stretches, zero_phase_low_pass
 from sdt_drake.machine.identify.friction import USUAL, VISCOUS
+from sdt_drake.machine.identify.judge import judge
 from sdt_drake.machine.identify.model import (
     directions,
     identified_robot,
-    plant_friction,
     save_robot,
 )
 from sdt_drake.machine.identify.procedure import belief, identify
@@ -31,7 +31,7 @@ from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import edited, load_robot
 from sdt_drake.show.figures.identification import residuals_figure
-from sdt_drake.show.reports.identification import friction_notes, friction_table
+from sdt_drake.show.reports.identification import friction_notes, friction_table, result
 
 
 def test_identified_robot_has_the_true_torques(found, robot, true, tmp_path):
@@ -41,7 +41,7 @@ def test_identified_robot_has_the_true_torques(found, robot, true, tmp_path):
     assert np.all(np.abs(found.estimate.beta - truth) < 4 * std[: len(truth)])
     assert np.all(found.left(found.predicted, held_out=True) < 0.02)
     assert np.all(found.left(found.equations.nominal, held_out=True) > 0.05)
-    files = plant_friction(found)
+    files = found.plant_friction
     for values, std, wanted in zip(
         (files.friction.coulomb, files.friction.viscous),
         files.std,
@@ -87,7 +87,7 @@ def test_rotors_and_friction_of_coupled_motors_are_found():
     assert np.all(found.left(found.predicted, held_out=True) < 0.02)
     assert not any(one.joints for one in found.findings)
     np.testing.assert_allclose(identified_robot(found).rotor_inertia, rotors, rtol=0.05)
-    friction = plant_friction(found).friction
+    friction = found.plant_friction.friction
     np.testing.assert_allclose(friction.coulomb, ratio * coulomb, rtol=0.05)
     np.testing.assert_allclose(friction.viscous, ratio**2 * viscous, rtol=0.05)
 
@@ -152,7 +152,7 @@ def test_friction_alone_is_found_by_its_law(robot):
     found = identify(
         robot, [changed(recorded, tau=recorded.signals["tau"] + offset)], only="friction"
     )
-    friction = plant_friction(found).friction
+    friction = found.plant_friction.friction
     np.testing.assert_allclose(friction.coulomb, COULOMB_TRUE, rtol=0.04)
     np.testing.assert_allclose(friction.offset, offset, rtol=0.01, atol=4)
     same = rigid_parameters(identified_robot(found))
@@ -162,6 +162,39 @@ def test_friction_alone_is_found_by_its_law(robot):
         robot, [changed(recorded, tau=recorded.signals["tau"] + shape)], only="friction"
     )
     assert all(one.name.startswith("sigmoid") for one in found.estimate.laws)
+
+
+def test_damping_of_the_file_above_the_friction_is_not_written(robot, tmp_path):
+    """A placeholder of 3000 N m s/rad, as files of makers have: the written robot has the friction
+    that was found, and the first sentence is about it."""
+
+    def damp(root):
+        for axis in root.iter("axis"):
+            ET.SubElement(ET.SubElement(axis, "dynamics"), "damping").text = "3000"
+
+    placeholder = edited(robot, damp)
+    assert np.all(placeholder.damping == 3000)
+    recorded = recorded_of(robot)
+    found = identify(placeholder, [recorded], only="friction")
+    assert np.all(identified_robot(found).damping == 0)
+    friction = found.plant_friction.friction
+    np.testing.assert_allclose(friction.coulomb, COULOMB_TRUE, rtol=0.05)
+    np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.1)
+    assert friction_notes(found, found.plant_friction)[1].startswith(
+        "joint 1, 2, 3, 4: the damping of the file (3000, 3000, 3000, 3000 N m s/rad) is more than"
+    )
+    save_robot(found, tmp_path / "robot.sdf")
+    judged = judge(tmp_path / "robot.sdf", [recorded], friction=friction, cutoff=found.cutoff)
+    every = np.ones(len(found.equations.tau), dtype=bool)
+    written = found.equations.not_explained(found.written, every)
+    np.testing.assert_allclose(judged.left, written, rtol=0.05)
+    assert np.all(judged.left < 0.02)
+    assert result(found)[0].startswith(f"sdt: {_least_to_most(found)} % of the joints' torques")
+
+
+def _least_to_most(found):
+    left = 100 * found.left(found.written, held_out=True)
+    return f"{left.min():.2g} to {left.max():.2g}"
 
 
 def test_equally_good_friction_laws_widen_the_intervals(found):
@@ -174,7 +207,7 @@ def test_equally_good_friction_laws_widen_the_intervals(found):
         laws = ([], [(replace(estimate.laws[1], name=name), x) for name, x in rivals], [], [])
         return replace(found, estimate=replace(estimate, rivals=laws))
 
-    alone, other = plant_friction(by()), plant_friction(by(("another", shifted)))
+    alone, other = by().plant_friction, by(("another", shifted)).plant_friction
     added = other.std**2 - alone.std**2
     np.testing.assert_allclose(added[1], [0, apart**2 / 2, 0, 0], atol=1e-9)
     np.testing.assert_allclose(added[0], 0, atol=1e-9)
@@ -232,7 +265,7 @@ def test_friction_table_equals_friction_figure(robot):
     recorded, v = recorded_of(true_robot(robot)), motion(robot)[2]
     rubs = COULOMB_TRUE * np.sign(v) + VISCOUS_TRUE * v
     found = identify(robot, [changed(recorded, tau=recorded.signals["tau"] - rubs)], cutoff=3.0)
-    files = plant_friction(found)
+    files = found.plant_friction
     values = np.array([files.friction.coulomb, files.friction.viscous])
     assert np.any(values == 0)
     rows = friction_table(found, files).rows

@@ -12,7 +12,6 @@ from helpers.simulated_recordings import course
 import sdt_drake as sdt
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.identify.files import FILES
-from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.parsed import parts_of
@@ -44,7 +43,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study_that_run(
 
     found = sdt.identify(*recording, cutoff=8)  # the same from Python
     friction = sdt.load(out / "scenario.yaml").plant.friction
-    assert friction == plant_friction(found).friction
+    assert friction == found.plant_friction.friction
     np.testing.assert_allclose(friction.coulomb, COULOMB, rtol=0.05)
     np.testing.assert_allclose(friction.viscous, VISCOUS, rtol=0.05)
     mass, com, _ = parts_of(sdt.load_robot(out / "robot.sdf").plant.GetBodyByName("lower"))
@@ -53,6 +52,12 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study_that_run(
     rows = list(csv.DictReader((out / "parameters.csv").open()))
     stds = [float(row["std"]) for row in rows if row["kind"] == "base"]
     assert len(stds) == len(found.unknown.base.words) and min(stds) > 0
+    told = {row["name"]: (float(row["value"]), float(row["std"] or "nan"))
+            for row in rows if row["kind"] == "friction"}  # fmt: skip
+    files, names = found.plant_friction, sdt.load_robot(recording[0]).joint_names
+    for kind, std in zip(("coulomb", "viscous"), files.std, strict=True):
+        for value, spread, name in zip(getattr(friction, kind), std, names, strict=True):
+            assert told[f"{kind} of {name}"] == pytest.approx((value, spread))
     judged = good("judge", out / "robot.sdf", recording[1], "--friction", out / "friction.yaml").out
     left = {line.split("  ")[0]: line.split()[-2:] for line in judged.splitlines()}
     assert max(map(float, left["robot and friction"])) < 3

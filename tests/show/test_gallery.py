@@ -10,7 +10,7 @@ from helpers.figures import check_same_text, described
 from helpers.gallery_inputs import COLUMNS, FAMILIES, NAMES, ROBOT, SIZING, Inputs
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.machine.identify.model import identified_robot, plant_friction
+from sdt_drake.machine.identify.model import identified_robot
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.pilot.illusions import feel
 from sdt_drake.robot.dynamics import Loads
@@ -112,7 +112,7 @@ FIGURES = {
     "sizing_front": lambda x: fronts.sizing_front("motors", x.verdicts),
     "replay": lambda x: replay_figure(x.replay),
     "identified_torques": lambda x: identification.torques_figure(x.found),
-    "friction": lambda x: identification.residuals_figure(x.found, plant_friction(x.found)),
+    "friction": lambda x: identification.residuals_figure(x.found, x.found.plant_friction),
     "convergence": lambda x: learning.checks(
         "checks", x.learned[2], x.learned[1], x.robot.joint_names
     ),
@@ -176,7 +176,7 @@ def _run(name):
 
 def _identified(x, folder):
     robot = identified_robot(x.found)
-    files = plant_friction(x.found)
+    files = x.found.plant_friction
     identification_report.write_identification_report(x.found, robot, files, folder, ["a note"])
     page = (folder / "report.md").read_text(encoding="utf-8")  # five digits of an optimum
     page = re.sub(r"(?<=\| )-?\d+\.?\d*(?= \|)", lambda x: f"{float(x[0]):.3g}", page)

@@ -11,7 +11,8 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import parse_yaml, with_values, write_yaml
 from sdt_drake.machine.identify.filtering import ABOVE, Smooth, smooth, stretches
-from sdt_drake.machine.identify.model import PlantFriction, directions, save_robot
+from sdt_drake.machine.identify.model import directions, save_robot
+from sdt_drake.machine.identify.plant import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated

@@ -17,6 +17,8 @@ from sdt_drake.robot.device import stribeck
 # Widths of sigmoids and of the Stribeck peak, over the largest speed.
 _WIDTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 _PEAKS = (0.005, 0.007, 0.01, 0.014, 0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.4)
+PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)
+"""Speeds of a scenario's Stribeck peak that are tried [rad/s]."""
 _OFFSETS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # zeros of a sigmoid over its width
 
 
@@ -92,5 +94,11 @@ def laws(fastest: float) -> tuple[FrictionLaw, ...]:
 
 
 def terms_of(candidates: Sequence[FrictionLaw]) -> tuple[Term, ...]:
-    """Return the terms of several laws, each once."""
-    return tuple(dict.fromkeys(term for law in candidates for term in law.terms))
+    """Return the terms of several laws and of friction in scenarios, each once."""
+    every = [*(law.terms for law in candidates), *map(scenario_terms, PEAKS)]
+    return tuple(dict.fromkeys(term for terms in every for term in terms))
+
+
+def scenario_terms(stribeck_speed: float) -> tuple[Term, ...]:
+    """Return the terms of friction in a scenario with this speed of the Stribeck peak [rad/s]."""
+    return (VISCOUS, COULOMB, OFFSET, Term("stribeck", stribeck_speed))

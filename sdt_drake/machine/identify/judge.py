@@ -16,7 +16,8 @@ from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import equations
-from sdt_drake.machine.identify.friction import COULOMB, OFFSET, VISCOUS, FrictionLaw, Term
+from sdt_drake.machine.identify.friction import FrictionLaw, scenario_terms
+from sdt_drake.machine.identify.plant import scenario_torque
 from sdt_drake.machine.identify.procedure import belief, few_of, parts_of
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import Recordings, recordings_of
@@ -101,10 +102,9 @@ def judge(
     stretches = [stretch for *_, stretch in few_of(parts, CUTOFFS[-1])]
     cutoff, _ = chosen(robot, nothing, belief(robot, nothing), stretches, cutoff)
     own = friction_parameters(friction or Friction(), robot.n)
-    law = FrictionLaw("file", (VISCOUS, COULOMB, OFFSET, Term("stribeck", own.stribeck_speed)))
+    law = FrictionLaw("file", scenario_terms(own.stribeck_speed))
     eq = equations(robot, nothing, few_of(parts, cutoff), cutoff, lambda fastest: (law,))
-    values = np.stack([own.viscous, own.coulomb, own.offset, own.breakaway - own.coulomb], axis=1)
-    rubs = np.einsum("mkt,kt->mk", eq.friction, values)
+    rubs = scenario_torque(eq, own)
     if not eq.moves.any():
         raise InputError(f"{recorded[0].path}: no joint moves more than the noise")
     every = np.ones(len(eq.time), dtype=bool)

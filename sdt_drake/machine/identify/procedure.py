@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,11 @@ from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.cutoff import CUTOFFS, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
+from sdt_drake.machine.identify.plant import PlantFriction, plant_friction, scenario_torque
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import Recordings, recordings_of
 from sdt_drake.machine.recordings.recorded import Recorded, check_different
+from sdt_drake.robot.device import friction_parameters
 from sdt_drake.robot.robot import Robot, load_robot
 
 ONLY = ("payload", "friction")
@@ -58,7 +61,7 @@ class Identified(Shown):
     friction: Array
     """Friction parameters for the consistent links, in the order of `estimate`, shape (f,)."""
     predicted: Array
-    """Torque of the consistent robot with friction, joint side [N m], shape (M, n)."""
+    """Torque of the consistent robot with the friction laws, joint side [N m], shape (M, n)."""
     cutoff: float
     """Cut-off frequency of the compared torques [Hz]."""
     speeds: bool
@@ -68,13 +71,28 @@ class Identified(Shown):
     findings: tuple[Finding, ...]
     """Findings that speak against the recordings or the robot's file."""
 
+    @cached_property
+    def plant_friction(self) -> PlantFriction:
+        """Damping of the written robot, and friction of its scenario."""
+        return plant_friction(
+            self.nominal, self.equations, self.estimate, self.friction, self.consistent
+        )
+
+    @cached_property
+    def written(self) -> Array:
+        """Torque of the written robot with friction of its scenario [N m], shape (M, n)."""
+        eq, files = self.equations, self.plant_friction
+        own = friction_parameters(files.friction, eq.n)
+        rubs = scenario_torque(eq, replace(own, viscous=own.viscous + files.damping))
+        return np.asarray(eq.known + eq.rigid @ self.consistent.beta + rubs)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """The findings, as sentences."""
         return tuple(map(str, self.findings))
 
     def summary(self) -> Summary:
-        left = {"by the file [%]": self.equations.nominal, "identified [%]": self.predicted}
+        left = {"by the file [%]": self.equations.nominal, "identified [%]": self.written}
         columns = {name: (".2f", 100 * self.left(tau, held_out=True)) for name, tau in left.items()}
         files = ", ".join(recorded.path.name for recorded in self.recordings)
         title = f"{self.nominal.name} from {files}: torque not explained, in held-out data"

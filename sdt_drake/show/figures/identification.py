@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.machine.identify.model import PlantFriction
+from sdt_drake.machine.identify.plant import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.device import friction_parameters, sliding_friction
 from sdt_drake.show.figures.scope import ERROR
@@ -23,10 +23,10 @@ def torques_figure(found: Identified) -> Figure:
     eq, time = found.equations, _running_time(found)
     lines = [
         ("measured", MEASURED, eq.tau),
-        ("identified", PREDICTED, found.predicted),
+        ("identified", PREDICTED, found.written),
         ("file as it is", NOMINAL, eq.nominal),
     ]
-    left = [("measured - identified", ERROR, eq.tau - found.predicted)]
+    left = [("measured - identified", ERROR, eq.tau - found.written)]
     names, held = found.nominal.joint_names, dict[str, Any](marked=~eq.fit[:, None])
     held["marked_label"] = "held out"
     torques = over_time("torque [N m], joint side", time, lines, names, **held)
@@ -42,11 +42,11 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
     """
     eq, estimate = found.equations, found.estimate
     laws, errors = [], []
-    own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
+    own, damping = friction_parameters(files.friction, eq.n), files.damping
     for k, name in enumerate(found.nominal.joint_names):
         order = np.argsort(eq.speed[:, k])[:: 1 + len(eq.v) // _MAX_DOTS]
         v = eq.speed[order, k]
-        left = (eq.tau - found.predicted)[order, k]
+        left = (eq.tau - found.written)[order, k]
         errors.append(
             Panel(joint_title(k, name), "speed [rad/s]", "not explained\n[N m], joint side", v,
                   [Line("measured - identified", ERROR, left, dots=True)])

@@ -1,21 +1,22 @@
 """Tables, files and report of an identified robot."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Index, Mask
 from sdt_drake.io.files import replacing_files, write_csv
 from sdt_drake.io.shown import formatted, numbered, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.consistency import Link
 from sdt_drake.machine.identify.judge import Judged
-from sdt_drake.machine.identify.model import PlantFriction
+from sdt_drake.machine.identify.plant import PlantFriction, scenario_torque
 from sdt_drake.machine.identify.procedure import Identified
+from sdt_drake.robot.device import friction_parameters
 from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
@@ -36,8 +37,9 @@ def unmeasured_share(found: Identified, robot: Robot) -> Array:
     few = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MAX_SAMPLES)).astype(int)]
     groups = torque_groups(robot, eq.q[few], eq.v[few], eq.vd[few])
     load = decouple(groups.inertial, groups.coupled, robot.gear_ratio).load_torque
-    left = (eq.tau - found.predicted)[rows]
-    friction = found.estimate.friction_torque(eq, found.friction)[few]
+    left = (eq.tau - found.written)[rows]
+    # The load has the damping.
+    friction = scenario_torque(eq, friction_parameters(found.plant_friction.friction, eq.n))[few]
     whole = robot.gear_torque(load * robot.gear_ratio) + friction
     size = np.sqrt(np.mean(whole**2, axis=0))
     return np.asarray(np.sqrt(2 * np.mean(left**2, axis=0)) / np.maximum(size, 1e-9))
@@ -55,6 +57,7 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
         "least squares, held out": found.left(least, held_out=True),
         "consistent, fitted": found.left(found.predicted, held_out=False),
         "consistent, held out": found.left(found.predicted, held_out=True),
+        "as written, held out": found.left(found.written, held_out=True),
         "error of the fed-forward load [% of its amplitude]": unmeasured_share(found, robot),
     }
     return _left_table(left, robot)
@@ -104,14 +107,19 @@ def friction_notes(found: Identified, files: PlantFriction) -> list[str]:
         f"{_range(100 * files.between[0])} %, viscous friction by {_range(100 * files.between[1])} "
         "% (standard deviation), which ± includes"
     ]
-    falling = [
-        str(k + 1)
-        for k in np.flatnonzero(found.equations.moves.any(axis=0))
-        if (files.friction.viscous or [])[int(k)] == 0
-    ]
-    if falling:
+    moves: Mask = np.any(found.equations.moves, axis=0)
+    given = found.nominal.damping
+    less = np.flatnonzero(files.damping < given)
+    if len(less):
+        values = ", ".join(f"{x:.4g}" for x in given[less])
         notes.append(
-            f"joint {', '.join(falling)}: the friction of the fit decreases with speed, within "
+            f"joint {_numbers(less)}: the damping of the file ({values} N m s/rad) is more than "
+            "the viscous friction that was found; robot.sdf has less, and the scenario all the rest"
+        )
+    falling = np.flatnonzero(moves & (np.array(files.friction.viscous) + files.damping == 0))
+    if len(falling):
+        notes.append(
+            f"joint {_numbers(falling)}: the friction of the fit decreases with speed, within "
             "noise. Viscous friction in the table and the scenario is 0, as it must never drive"
         )
     for k in np.flatnonzero(files.undecided > _UNDECIDED).tolist():
@@ -123,11 +131,16 @@ def friction_notes(found: Identified, files: PlantFriction) -> list[str]:
     return notes
 
 
+def _numbers(joints: Index) -> str:
+    return ", ".join(str(k + 1) for k in joints)
+
+
 class Parameter(NamedTuple):
     """An identified parameter: a row of parameters.csv."""
 
     kind: str
-    """One of "base" (a sum that torques determine), "link" (link or motor) and "friction"."""
+    """One of "base" (a sum that torques determine), "link" (link or motor), "friction" (of the
+    scenario) and "friction law" (a term of the fit)."""
     name: str
     unit: str
     value: float
@@ -162,17 +175,37 @@ def parameters(found: Identified, robot: Robot) -> list[Parameter]:
         Parameter("link", name, unit, value, None, before, determined, _IN_WORDS[determined])
         for name, unit, value, before, determined in zip(*of_links, strict=True)
     ]
+    return [*rows, *_friction_parameters(found), *_law_parameters(found, std[len(beta) :])]
+
+
+def _friction_parameters(found: Identified) -> Iterator[Parameter]:
+    """Yield the friction of the scenario, with the intervals of `friction_table`."""
+    files = found.plant_friction
+    moves: Mask = np.any(found.equations.moves, axis=0)
+    units = {"coulomb": "N m", "viscous": "N m s/rad", "breakaway": "N m", "offset": "N m"}
+    spreads = dict(zip(units, files.std.tolist(), strict=False))
     for k, joint in enumerate(found.nominal.joint_names):
-        part = estimate.friction_of(k)
-        values = found.friction[part].tolist(), std[len(beta) :][part]
-        for term, value, spread in zip(estimate.laws[k].terms, *values, strict=True):
+        known = "alone" if moves[k] else "not at all"
+        for name, unit in units.items():
+            if values := getattr(files.friction, name):
+                std = spreads[name][k] if name in spreads and moves[k] else None
+                yield Parameter("friction", f"{name} of {joint}", unit, values[k], std, None, known,
+                                _FRICTION_IN_WORDS)  # fmt: skip
+
+
+def _law_parameters(found: Identified, std: Sequence[float]) -> Iterator[Parameter]:
+    """Yield the terms of the friction laws of the fit."""
+    for k, joint in enumerate(found.nominal.joint_names):
+        part = found.estimate.friction_of(k)
+        values = found.friction[part].tolist(), std[part]
+        for term, value, spread in zip(found.estimate.laws[k].terms, *values, strict=True):
             unit = "N m s/rad" if term.kind.startswith("viscous") else "N m"
             shape = f"width {term.width:.4g}, zero at {term.middle:.4g} rad/s" if term.width else ""
             name = f"{term.kind} of {joint}"
-            rows.append(Parameter("friction", name, unit, value, spread, None, "alone", shape))
-    return rows
+            yield Parameter("friction law", name, unit, value, spread, None, "alone", shape)
 
 
+_FRICTION_IN_WORDS = "of the scenario, in addition to the damping of robot.sdf"
 _IN_WORDS = {
     "alone": "torques determine it",
     "in combination": "torques determine only sums with others; this value is closest to the file",
@@ -210,7 +243,7 @@ def _mass_known(found: Identified, link: Link) -> str:
 def result(found: Identified) -> list[str]:
     """Return the answer and the next step as sentences, for the console and the page."""
     nominal, now = (
-        100 * found.left(tau, held_out=True) for tau in (found.equations.nominal, found.predicted)
+        100 * found.left(tau, held_out=True) for tau in (found.equations.nominal, found.written)
     )
     answer = (
         f"{found.nominal.name}: {_range(now)} % of the joints' torques are not explained now (RMS, "
