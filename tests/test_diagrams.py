@@ -104,6 +104,11 @@ def test_committed_training_figures_show_motions_of_today(robot, name):
     story = story_of(name, robot, motion)
     figure = plots_pilot.pilot(name, motion.time, HeadTracking(head, head, felt, felt), story)
     *panels, error, band = figure.axes
+    illusion = figure.axes[0]
+    assert story.illusion.quantity in illusion.get_title("left")
+    shaded = illusion.collections[0].get_paths()[0].vertices[:, 0]
+    ends = [shaded.min(), shaded.max()]
+    np.testing.assert_allclose(ends, [story.illusion.start, story.illusion.end], atol=2 * PERIOD)
     count = sum(len(ax.lines) for ax in panels)
     committed = content_of(FOLDER / f"training_{name}_plot.png")
     check_same_numbers(REDRAW["drawn_numbers"](figure)[:count], committed["numbers"][:count], name)

@@ -25,6 +25,7 @@ PAGES = {
 """Site page of each file of the repository."""
 
 _LINK = re.compile(r"\]\((?P<target>[^)\s#]*)(?P<anchor>#[^)\s]*)?(?=\))")
+_PICTURE = re.compile(r"\]\((?:\.\./)*pictures/([\w.]+)\)")
 _REFERENCE = re.compile(r"<!-- reference:.*?-->.*?<!-- end -->", re.DOTALL)
 
 
@@ -38,6 +39,9 @@ def on_files(files, config):
         section = chapter.markdown(anchor)
         texts[f"reference/files/{topic}.md"] = re.sub(r"^#(?=#)", "", section, flags=re.MULTILINE)
     pictures = set()
+    for page in Path(config.docs_dir).rglob("*.md"):
+        shown = _PICTURE.findall(page.read_text(encoding="utf-8"))
+        pictures |= {f"diagrams/{name}" for name in shown}
     for source, page in PAGES.items():
         if source.endswith(".ipynb"):
             texts[page], made = MarkdownExporter().from_filename(str(ROOT / source))

@@ -152,6 +152,13 @@ class HeadTracking:
     motion. Its main effect is a tilt of the head."""
 
 
+def motions_of(head: HeadTracking | HeadMotion) -> dict[str, HeadMotion]:
+    """Return the motions by name: "reference" and "achieved" of a run, or "planned"."""
+    if isinstance(head, HeadMotion):
+        return {"planned": head}
+    return {"reference": head.reference, "achieved": head.achieved}
+
+
 def track_head(recording: Recording, robot: Robot) -> HeadTracking:
     """Return the tracking errors of the head along a recording.
 

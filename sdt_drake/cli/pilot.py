@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from sdt_drake.motion import Story
     from sdt_drake.pilot.head import HeadMotion
     from sdt_drake.pilot.orientation import Percept
-    from sdt_drake.robot.robot import Robot as RobotModel
 
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
@@ -34,7 +33,7 @@ Gains = Annotated[
 
 
 def run(
-    scenario: Annotated[str, common.one_of("scenario", name="SCENARIO|RECORDING")],
+    what: Annotated[str, common.one_of("scenario", "motion", name="SCENARIO|MOTION|RECORDING")],
     /,
     *,
     robot: common.OtherRobot = None,
@@ -47,58 +46,58 @@ def run(
 
     `pilot people` tells how many pilots feel an illusion, `pilot validate` how good the models are.
 
-    example: sdt-drake pilot coupled_pi --out pilot.png
+    example: sdt-drake pilot leans --out leans.png
 
     Args:
-        scenario: scenario to run, or a recording that `simulate` wrote (.csv, .mat, .parquet)
+        what: scenario to run, motion to plan, or a recording that `simulate` wrote (.csv, .mat,
+            .parquet)
         out: CSV file for the perception over time, or file for a figure of it (.png, .svg, .pdf)
     """
     import numpy as np
 
-    from sdt_drake.analysis.tracking import track_head
+    from sdt_drake.analysis.tracking import HeadTracking, motions_of
     from sdt_drake.pilot.illusions import feel, felt_apart, illusions, intended
     from sdt_drake.pilot.observer import load_perception
     from sdt_drake.pilot.orientation import CAUTION
 
     common.check_out(out, show, [".csv"])
     perception = load_perception(gains)
-    name, recording, model, story = _recorded(scenario, robot, given.changes)
-    if recording.q.shape[1] != model.n:
-        raise InputError(
-            f"{scenario}: recorded with {recording.q.shape[1]} joint(s), "
-            f"but {model.name} has {model.n}; give the robot of the recording with --robot"
+    name, time, head, story = _moved(what, robot, given.changes)
+    period = float(time[1] - time[0])
+    motions = motions_of(head)
+    felt = {label: feel(motion, period, perception) for label, motion in motions.items()}
+    if isinstance(head, HeadTracking):
+        echo(
+            f"{name}: the pilot could feel the controller's error {100 * head.felt.share:.1f} % of "
+            f"the time ({100 * head.felt_from_angles.share:.1f} % if only positions were wrong)"
         )
-    head = track_head(recording, model)
-    period = float(recording.time[1] - recording.time[0])
-    felt = [feel(motion, period, perception) for motion in (head.reference, head.achieved)]
-    echo(
-        f"{name}: the pilot could feel the controller's error {100 * head.felt.share:.1f} % of the "
-        f"time ({100 * head.felt_from_angles.share:.1f} % if only positions were wrong)"
-    )
-    angle, rate = (np.degrees(x) for x in felt_apart(*felt))
-    echo(
-        f"The error changes the felt vertical by up to {angle:.2f} deg and the felt rotation by up "
-        f"to {rate:.2f} deg/s."
-    )
-    found = [str(illusion) for illusion in illusions(felt[1], head.achieved)]
-    echo(f"Illusions predicted for the achieved motion by {gains}:")
+        angle, rate = (np.degrees(x) for x in felt_apart(*felt.values()))
+        echo(
+            f"The error changes the felt vertical by up to {angle:.2f} deg and the felt rotation "
+            f"by up to {rate:.2f} deg/s."
+        )
+    label, motion = list(motions.items())[-1]
+    if story.illusion:
+        meant = intended(name, story.illusion, motion, {gains: felt[label]})
+        echo(f"Intended illusion: {meant.sentence(gains)}")
+    found = [str(illusion) for illusion in illusions(felt[label], motion)]
+    echo(f"Illusions predicted for the {label} motion by {gains}:")
     for text in found or ["none"]:
         echo(f"  {text}")
-    if story.illusion:
-        meant = intended(name, story.illusion, head.achieved, {gains: felt[1]})
-        echo(f"Intended illusion: {meant.sentence(gains)}")
     echo(CAUTION)
     echo()
-    print_table(*_motion_rows(head, felt, period))
+    print_table(*_motion_rows(motions, felt, period))
     echo("axes of the head: x forward, y left, z up")
-    echo()
-    print_table(*_felt_rows(head, recording.time))
-    echo("multiples of the threshold of feeling")
+    if isinstance(head, HeadTracking):
+        echo()
+        print_table(*_felt_rows(head, time))
+        echo("multiples of the threshold of feeling")
+    title = f"{name}: what the pilot feels"
     common.deliver(
         out,
         show,
-        lambda: sdt.plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
-        lambda path: _write(path, recording.time, period, head, felt),
+        lambda: sdt.plots_pilot.pilot(title, time, head, story, felt[label]),
+        lambda path: _write(path, time, period, head, felt),
     )
 
 
@@ -171,29 +170,48 @@ def people(
         echo_wrapped(sentence, "")
 
 
-def _recorded(
-    path: str, robot: str | None, changes: common.Changes
-) -> tuple[str, sdt.Recording, RobotModel, Story]:
-    """Return name, recording, robot and story of a scenario or a recording."""
-    from sdt_drake.motion import Story, story_of
-    from sdt_drake.pilot.head import check_head
+def _moved(
+    what: str, robot: str | None, changes: common.Changes
+) -> tuple[str, Array, HeadTracking | HeadMotion, Story]:
+    """Return name, time [s], motion of the head and story of a scenario, motion or recording."""
+    from sdt_drake.analysis.tracking import track_head
+    from sdt_drake.io.resources import find_file
+    from sdt_drake.motion import Story, load_plan, story_of
+    from sdt_drake.pilot.head import check_head, head_motion_of_samples
+    from sdt_drake.pilot.illusions import PERIOD
 
-    if Path(path).suffix in TABLES:
-        common.refuse_changes(changes, path)
-        model = sdt.load_robot(robot or common.ROBOT)
-        check_head(model)
-        return Path(path).stem, sdt.Recording.load(path), model, Story()
-    common.refuse(
-        f"has an effect on recordings only; change the robot of {path} with --set robot={robot}",
-        robot=robot,
-    )
-    design = common.design_of(path, changes, check_head)
-    story = story_of(design.scenario.motion, design.device.simulated, design.reference.tracked)
-    return design.scenario.name, sdt.simulate(design), design.device.simulated, story
+    if Path(what).suffix not in TABLES and common.is_scenario(what):
+        common.refuse(
+            f"has an effect on recordings and motions only; change the robot of {what} with "
+            f"--set robot={robot}",
+            robot=robot,
+        )
+        design = common.design_of(what, changes, check_head)
+        device = design.device.simulated
+        story = story_of(design.scenario.motion, device, design.reference.tracked)
+        recording = sdt.simulate(design)
+        return design.scenario.name, recording.time, track_head(recording, device), story
+    common.refuse_changes(changes, what)
+    model = sdt.load_robot(robot or common.ROBOT)
+    check_head(model)
+    if Path(what).suffix in TABLES:
+        recording = sdt.Recording.load(what)
+        if recording.q.shape[1] != model.n:
+            raise InputError(
+                f"{what}: recorded with {recording.q.shape[1]} joint(s), "
+                f"but {model.name} has {model.n}; give the robot of the recording with --robot"
+            )
+        return Path(what).stem, recording.time, track_head(recording, model), Story()
+    file = find_file(what, "scenario", "motion")
+    motion = load_plan(file, model, period=PERIOD).motion
+    head = head_motion_of_samples(model, PERIOD, motion.q, motion.v)
+    return file.stem, motion.time, head, story_of(file, model, motion)
 
 
-def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> Rows:
-    """Return header and rows of the largest quantities, reference and achieved."""
+def _motion_rows(
+    motions: Mapping[str, HeadMotion], felt: Mapping[str, Percept], period: float
+) -> Rows:
+    """Return header and rows of the largest quantities of motions by their names."""
     import numpy as np
 
     from sdt_drake.pilot.canals import sensed_rate
@@ -217,8 +235,8 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
     after = f"after the stop, time with more than {UNPERCEIVED_RATE:g} deg/s signalled [s]"
     labels += [f"{axis} {after}" for axis in axes]
     labels += ["felt roll from the vertical, largest [deg]", "felt pitch, largest [deg]"]
-    columns = (labels, values(head.reference, felt[0]), values(head.achieved, felt[1]))
-    return ("", "reference", "achieved"), list(zip(*columns, strict=True))
+    columns = [values(motion, felt[name]) for name, motion in motions.items()]
+    return ("", *motions), list(zip(labels, *columns, strict=True))
 
 
 def _felt_rows(head: HeadTracking, time: Array) -> Rows:
@@ -244,24 +262,32 @@ def _felt_rows(head: HeadTracking, time: Array) -> Rows:
 
 
 def _write(
-    path: Path, time: Array, period: float, head: HeadTracking, felt: Sequence[Percept]
+    path: Path,
+    time: Array,
+    period: float,
+    head: HeadTracking | HeadMotion,
+    felt: Mapping[str, Percept],
 ) -> None:
     """Write the perception over time to a table.
 
     Columns name_1, name_2, name_3 are along x, y, z of the head; multiple_1 to multiple_6 are in
     the order of CHANNELS.
     """
+    from sdt_drake.analysis.tracking import HeadTracking, motions_of
     from sdt_drake.io.tables import write_table
     from sdt_drake.pilot.canals import sensed_rate
 
     columns: dict[str, Array] = {}
-    motions = (head.reference, head.achieved)
-    for suffix, motion, own in zip(("_ref", ""), motions, felt, strict=True):
+    for name, motion in motions_of(head).items():
+        suffix = "_ref" if name == "reference" else ""
         columns |= {
             f"specific_force{suffix}": motion.specific_force,
             f"angular_velocity{suffix}": motion.angular_velocity,
             f"angular_acceleration{suffix}": motion.angular_acceleration,
             f"canals{suffix}": sensed_rate(motion.angular_velocity, period),
         }
-        columns |= {f"felt_{name}{suffix}": values for name, values in own.columns.items()}
-    write_table(path, time, {**columns, "multiple": head.felt.multiples})
+        signals = felt[name].columns.items()
+        columns |= {f"felt_{signal}{suffix}": values for signal, values in signals}
+    if isinstance(head, HeadTracking):
+        columns["multiple"] = head.felt.multiples
+    write_table(path, time, columns)

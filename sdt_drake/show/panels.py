@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.show.style import Look, finish, grid, joint_title, style
 
+_NAME = 0.15  # height of a line's name [inch]
+
 MAX_SAMPLES = 10_000
 """Largest number of samples of a panel on a page."""
 
@@ -149,6 +151,33 @@ def draw(ax: Axes, panel: Panel) -> None:
     ax.set_title(panel.note, loc="right")
     ax.ticklabel_format(axis="y", useOffset=False)
     ax.margins(x=0)
+
+
+def label_lines(ax: Axes) -> None:
+    """Write the name of each line beside its end, in its colour, in place of a legend.
+
+    Names that would overlap are moved apart.
+    """
+    ax.autoscale_view()
+    step = _NAME * ax.figure.dpi / ax.bbox.height
+    to_axes = ax.transData + ax.transAxes.inverted()
+    ends = []
+    for line in ax.lines:
+        y = to_axes.transform(line.get_xydata())[:, 1]
+        if not str(line.get_label()).startswith("_"):
+            # Lines that end at the same place are in the order of their means.
+            ends.append((round(float(np.clip(y[-1], 0, 1)), 2), np.clip(y, 0, 1).mean(), line))
+    ends.sort(key=lambda end: end[:2])
+    places = [place for place, *_ in ends]
+    for k in range(1, len(places)):
+        places[k] = max(places[k], places[k - 1] + step)
+    for k in reversed(range(len(places))):
+        places[k] = min(places[k], 1 - (len(places) - 1 - k) * step)
+    for place, (*_, line) in zip(places, ends, strict=True):
+        ax.annotate(
+            str(line.get_label()), (1, place), xytext=(5, 0), xycoords="axes fraction",
+            textcoords="offset points", color=line.get_color(), fontsize=8, va="center",
+        )  # fmt: skip
 
 
 def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:

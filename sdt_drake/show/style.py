@@ -114,6 +114,7 @@ def grid(
     panel: tuple[float, float],
     gaps: tuple[float, float] = (0.35, 0.35),
     left: float = 0.8,
+    right: float = 0.15,
     bottom: float = 0.85,
     top: float = 0.65,
     sharex: bool | Literal["col"] = True,
@@ -128,11 +129,11 @@ def grid(
         panel: width and height of a panel.
         gaps: horizontal and vertical gap between panels.
         left: left margin of the figure.
+        right: right margin.
         bottom: bottom margin.
         top: top margin.
         sharex: as in `matplotlib.figure.Figure.subplots`.
     """
-    right = 0.15
     width = left + columns * panel[0] + (columns - 1) * gaps[0] + right
     height = top + rows * panel[1] + (rows - 1) * gaps[1] + bottom
     figure = Picture(figsize=(max(width, 6.5), height))

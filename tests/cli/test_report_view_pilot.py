@@ -155,6 +155,18 @@ def test_pilot_tells_that_no_illusion_is_predicted(good, given):
     assert "by clark2019:\n  none\n" in good("pilot", scenario).out
 
 
+def test_pilot_of_a_motion_begins_with_its_illusion_and_knows_no_controller(good, desk, robot):
+    done = good("pilot", "post_roll", "--model", "slow_yaw", "--out", "felt.csv")
+    meant = illusions.intended_illusion("post_roll", robot, ["slow_yaw"])
+    assert done.out.startswith(f"Intended illusion: {meant.sentence('slow_yaw')}\n")
+    assert "planned" in done.out and "controller" not in done.out
+    time, columns = read_table(desk / "felt.csv")
+    head = illusions.planned_head("post_roll", robot)
+    felt = feel(head, illusions.PERIOD, "slow_yaw")
+    np.testing.assert_array_equal(columns["felt_rate"], felt.rate)
+    assert len(time) == len(felt.time) and "multiple" not in columns
+
+
 def test_validate_begins_with_the_verdict(good, monkeypatch, robot, reproduction):
     """Of one training motion: all of them take long."""
     own = reproduction.reported.result()

@@ -12,7 +12,7 @@ from helpers.robots import loaded as loaded_robot
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
-from sdt_drake.pilot.illusions import true_attitude
+from sdt_drake.pilot.illusions import quantities
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.show.view3d import viewer
 from sdt_drake.show.view3d.scene import ARROW, FRAME_RATE, METRES_PER_G, Scene, make_frames
@@ -152,9 +152,9 @@ def cells(page, table, texts):
     )
 
 
-def test_page_shows_felt_beside_true_attitude(page, robot):
+def test_page_shows_felt_beside_true_attitude_and_rates(page, robot):
     frames = make_frames(robot, TIME, smooth(robot)[0])
-    felt, head, true = frames.felt, frames.head, np.degrees(true_attitude(frames.head))
+    felt, head, pairs = frames.felt, frames.head, quantities(frames.felt, frames.head)
     legend = page.inner_text("#sdt-legend")
     assert "felt attitude" in legend and CAUTION in legend
     assert "A <b> lean. clark2019 does not predict the illusion: yaw rate felt at" in legend
@@ -164,9 +164,11 @@ def test_page_shows_felt_beside_true_attitude(page, robot):
         m = page.evaluate("viewer.scene_tree.find(['felt']).object.matrixWorld.elements")
         axes = np.array([[x, -z, y] for x, y, z in (m[0:3], m[4:7], m[8:11])])  # in the world
         np.testing.assert_allclose(axes.T @ felt.gravity[k], [0, 0, -1], atol=2e-3)
-        own = np.degrees([felt.roll[k], felt.pitch[k]])
-        rows = zip(("roll", "pitch"), own, true[:, k], strict=True)
-        texts = [(f"{name}, felt | true", f"{a:.1f}° | {b:.1f}°") for name, a, b in rows]
+        texts = [
+            (f"{name}, felt | true", f"{own[k]:.1f}{unit} | {true[k]:.1f}{unit}")
+            for name, (own, true) in pairs.items()
+            for unit in ["°/s" if name.endswith("rate") else "°"]
+        ]
         cells(page, "#sdt-felt", [text for row in texts for text in row])
     shown = "viewer.scene_tree.find(['felt']).object.visible"
     assert page.evaluate(shown)

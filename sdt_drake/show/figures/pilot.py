@@ -1,83 +1,128 @@
 """Figures of the pilot's head: specific force, rotation, and felt attitude."""
 
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.tracking import HeadTracking
+from sdt_drake.analysis.tracking import HeadTracking, motions_of
 from sdt_drake.io.arguments import typed
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Story, TimedSegment
-from sdt_drake.pilot.canals import sensed_rate
 from sdt_drake.pilot.head import GRAVITY, HeadMotion
-from sdt_drake.pilot.illusions import true_attitude
+from sdt_drake.pilot.illusions import LEVELS, illusions, quantities, unit_of
 from sdt_drake.pilot.orientation import CAUTION, Percept, perceive
 from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.show.figures.scope import ACHIEVED
-from sdt_drake.show.panels import Line, Panel, draw, picture
+from sdt_drake.show.panels import Line, Panel, draw, label_lines, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, plain_numbers, style
 
 _CHANNEL_COLOURS = (*PALETTE[3:6], "#882255", "#999933", "#332288")
 
 _COLOURS = _CHANNEL_COLOURS[3:]
+FELT, TRUE = Look(PALETTE[2]), LOOKS["reference"]
+"""The looks of felt and of true values."""
 
 _MAX_SPAN = 500  # largest over smallest value of the logarithmic axis of the error
-_MIN_CHANGE = 0.05  # share of the largest change of a kind; panels with less are left out
+_MIN_FORCE = 0.05  # panels with less change are left out [G]; others below their LEVELS
 _FORCES = ("force along x, forward", "force along y, left", "force along z, up")
 _ROTATIONS = ("rotation about x, roll right", "rotation about y, nose down",
               "rotation about z, turn left")  # fmt: skip
-_PANEL, _LEFT = (9.05, 1.2), 1.1  # inch
+_POSITIVE = dict(zip(LEVELS, ("right", "nose up", "right", "nose down", "left"), strict=True))
+_PANEL, _LEFT, _RIGHT = (7.75, 1.2), 1.1, 1.5  # inch
 _TITLE_LINE = 110  # letters
-_BAND, _LETTER = 0.2, 0.052  # height of a track's names, width of their letters [inch]
+_BAND, _LETTER = 0.2, 0.049  # height of a track's names, width of their letters [inch]
 
 
 @typed
-def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = None) -> Figure:
-    """Draw specific force, rotation and attitude of the pilot's head, and the error that is felt.
+def pilot(
+    title: str,
+    time: Array,
+    head: HeadTracking | HeadMotion,
+    story: Story | None = None,
+    felt: Percept | None = None,
+) -> Figure:
+    """Draw felt against true motion of the pilot's head, its specific force, and the felt error.
 
-    Panels of axes with hardly any change are left out; the title names them.
+    The illusion comes first: that of the story, or else the largest predicted one. Panels with
+    hardly any change are left out; the title names them.
 
     Args:
         title: title of the figure, unless the story has one.
         time: samples [s], shape (N,).
-        head: motion of the pilot's head at these samples.
-        story: purpose and segments of the motion; the segments are named above the panels.
+        head: motion of the pilot's head at these samples; of a run, or only planned.
+        story: purpose, illusion and segments of the motion; the segments are named above.
+        felt: percept of this motion; None for that by the first parameter set of `perceive`.
     """
     story = story or Story()
-    shown: list[Panel] = []
-    still: list[str] = []
-    for kind in zip(*(head_panels(time, head, axis) for axis in range(3)), strict=True):
-        change = [max(np.ptp(line.values) for line in panel.lines[:2]) for panel in kind]
-        for panel, own in zip(kind, change, strict=True):
-            if own >= _MIN_CHANGE * max(change):
-                shown.append(panel)
-            else:
-                still.append(panel.title)
-    shown.append(_attitude(time, head.achieved))
+    run = head if isinstance(head, HeadTracking) else None
+    *_, motion = motions_of(head).values()
+    felt = felt or perceive(time, motion.specific_force, motion.angular_velocity)
+    panels = [(panel, LEVELS[name]) for name, panel in felt_true(felt, motion, story).items()]
+    panels += [(_force(time, head, axis), _MIN_FORCE) for axis in range(3)]
+    shown, still = [panels[0][0]], list[Panel]()
+    for panel, least in panels[1:]:
+        change = max(np.ptp(line.values) for line in panel.lines)
+        (shown if change >= least else still).append(panel)
     lines = [story.title or title]
     if story.feels:
         lines += textwrap.wrap(f"To be felt: {story.feels}", _TITLE_LINE)
     if still:
-        lines += textwrap.wrap(f"Hardly any change: {'; '.join(still)}.", _TITLE_LINE)
+        names = "; ".join(panel.title for panel in still)
+        lines += textwrap.wrap(f"Hardly any change: {names}.", _TITLE_LINE)
     tracks = list(dict.fromkeys(segment.track for segment in story.segments))
     above = 0.45 + 0.17 * len(lines)
     with style():
         figure, axes = grid(
-            len(shown) + 1, 1, panel=_PANEL, left=_LEFT,
+            len(shown) + bool(run), 1, panel=_PANEL, left=_LEFT, right=_RIGHT,
             top=above + _BAND * len(tracks) + 0.3 * bool(tracks),
         )  # fmt: skip
         for panel, ax in zip(shown, axes[:, 0], strict=False):
             draw(ax, panel)
-        _error(axes[-1, 0], time, head)
+        if run:
+            _error(axes[-1, 0], time, run)
+        for ax in axes[:, 0]:
+            label_lines(ax)
         axes[-1, 0].set_xlabel("time [s]")
         axes[-1, 0].set_xlim(time[0], time[-1])
         if tracks:
             _name_segments(figure, axes[:, 0], story.segments, tracks, above)
-        return finish(figure, "\n".join(lines))
+        figure.text(0.01, 0.12 / figure.get_figheight(), CAUTION, color="0.4", fontsize=8)
+        return finish(figure, "\n".join(lines), [])
+
+
+@typed
+def felt_true(felt: Percept, head: HeadMotion, story: Story) -> dict[str, Panel]:
+    """Make a panel of each felt quantity against its true value, by name.
+
+    The illusion comes first, with its window on grey ground: that of the story, or else the largest
+    predicted one.
+    """
+    found = max(illusions(felt, head), key=lambda one: abs(one.error) / LEVELS[one.quantity],
+                default=None)  # fmt: skip
+    window = story.illusion or found
+    meaning = "should be felt" if story.illusion else "is predicted"
+    panels: dict[str, Panel] = {}
+    for name, (own, true) in quantities(felt, head).items():
+        lines = [Line("felt (predicted)", FELT, own), Line("true", TRUE, true)]
+        panel = Panel(
+            f"{name}, + {_POSITIVE[name]}", "time [s]",
+            f"{'rate' if name.endswith('rate') else 'angle'} [{unit_of(name)}]", felt.time, lines,
+        )  # fmt: skip
+        if window and name == window.quantity:
+            marked = (felt.time >= window.start) & (felt.time <= window.end)
+            label = f"on grey ground the illusion {meaning}"
+            panel = replace(
+                panel, title=f"the illusion: {panel.title}", marked=marked, marked_label=label,
+                note=label,
+            )  # fmt: skip
+            panels = {name: panel, **panels}
+        panels[name] = panel
+    return panels
 
 
 @typed
@@ -90,8 +135,8 @@ def percept(title: str, felt: Percept) -> Figure:
     panels = [Panel("attitude", "time [s]", "angle [deg]", felt.time, attitude, note=CAUTION)]
     for k, name in enumerate(_ROTATIONS):
         both = (
-            Line("of the head", LOOKS["reference"], np.degrees(felt.angular_rate[:, k])),
-            Line("felt", Look(PALETTE[2]), np.degrees(felt.rate[:, k])),
+            Line("of the head", TRUE, np.degrees(felt.angular_rate[:, k])),
+            Line("felt", FELT, np.degrees(felt.rate[:, k])),
         )
         panels.append(Panel(name, "time [s]", "rate [deg/s]", felt.time, both))
     acceleration = [
@@ -103,63 +148,41 @@ def percept(title: str, felt: Percept) -> Figure:
 
 
 @typed
-def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Panel]:
-    """Make the panels of specific force along an axis of the head, and of rotation about it.
-
-    The first two lines of each are reference and achieved.
-
-    Args:
-        time: samples [s], shape (N,).
-        head: motion of the pilot's head at these samples.
-        axis: 0, 1 or 2 for x, y or z.
-    """
-
-    def both(quantity: Callable[[HeadMotion], Array]) -> list[Line]:
-        return [
-            Line("reference", LOOKS["reference"], quantity(head.reference)[:, axis]),
-            Line("achieved", ACHIEVED, quantity(head.achieved)[:, axis]),
-        ]
-
-    force = both(lambda motion: motion.specific_force / GRAVITY)
-    rate = both(lambda motion: np.degrees(motion.angular_velocity))
-    sensed = sensed_rate(head.achieved.angular_velocity[:, axis], float(time[1] - time[0]))
-    rate.append(Line("sensed by the canals (achieved)", Look(PALETTE[2]), np.degrees(sensed)))
-    return (
-        Panel(_FORCES[axis], "time [s]", "force [G]", time, force),
-        Panel(_ROTATIONS[axis], "time [s]", "rate [deg/s]", time, rate),
-    )
-
-
-@typed
-def felt_panels(time: Array, head: HeadTracking) -> list[tuple[str, str, list[Panel]]]:
+def felt_panels(
+    time: Array, head: HeadTracking, felt: Percept | None
+) -> list[tuple[str, str, list[Panel]]]:
     """Make the panels of each axis of the head, with the errors over the threshold.
 
-    The names of its rotation and of its force come first.
+    The names of its rotation and of its force come first. Without a percept the felt rate is left
+    out.
     """
     just = Line("threshold: just felt", Look("0.2"), np.ones_like(time))
-    felt, shown = head.felt.multiples, []
+    multiples, shown = head.felt.multiples, []
     for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
         lines = [
-            Line(f"error of {turn}", Look(PALETTE[3]), felt[:, axis]),
-            Line(f"error of {push} force", Look(PALETTE[5]), felt[:, 3 + axis]),
+            Line(f"error of {turn}", Look(PALETTE[3]), multiples[:, axis]),
+            Line(f"error of {push} force", Look(PALETTE[5]), multiples[:, 3 + axis]),
             just,
         ]
         error = Panel("", "time [s]", "error / threshold", time, lines)
-        shown.append((turn, push, [*head_panels(time, head, axis), error]))
+        rates = [
+            Line("reference", LOOKS["reference"], head.reference.angular_velocity[:, axis]),
+            Line("achieved", ACHIEVED, head.achieved.angular_velocity[:, axis]),
+            *([Line("felt (predicted)", FELT, felt.rate[:, axis])] if felt else []),
+        ]
+        rates = [replace(line, values=np.degrees(line.values)) for line in rates]
+        rotation = Panel(_ROTATIONS[axis], "time [s]", "rate [deg/s]", time, rates)
+        shown.append((turn, push, [_force(time, head, axis), rotation, error]))
     return shown
 
 
-def _attitude(time: Array, head: HeadMotion) -> Panel:
-    """Make the panel of true and felt roll and pitch, by the first parameter set of `perceive`."""
-    felt = perceive(time, head.specific_force, head.angular_velocity)
-    true = true_attitude(head)
-    lines = []
-    for k, (name, own) in enumerate((("roll right", felt.roll), ("nose up", felt.pitch))):
-        colour = PALETTE[3 + k]
-        lines.append(Line(f"{name}, true", Look(colour), np.degrees(true[k])))
-        lines.append(Line(f"{name}, felt (predicted)", Look(colour, "--"), np.degrees(own)))
-    title = "attitude from the vertical"
-    return Panel(title, "time [s]", "angle [deg]", time, lines, note=CAUTION)
+def _force(time: Array, head: HeadTracking | HeadMotion, axis: int) -> Panel:
+    """Make the panel of specific force along an axis of the head: 0, 1 or 2 for x, y or z."""
+    lines = [
+        Line(name, look, motion.specific_force[:, axis] / GRAVITY)
+        for (name, motion), look in zip(motions_of(head).items(), (TRUE, ACHIEVED), strict=False)
+    ]
+    return Panel(_FORCES[axis], "time [s]", "force [G]", time, lines)
 
 
 def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
@@ -171,12 +194,11 @@ def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
     ax.axhspan(foot, 1, color="0.93", linewidth=0)
     ax.axhline(1, color="0.2", linewidth=0.9, label="threshold: just felt")
     if angles.max() > foot:
-        ax.plot(time, angles, ":", color="0.55", label="error if only positions were wrong")
+        ax.plot(time, angles, ":", color="0.55", label="if only positions wrong")
     for channel, most in (head.felt.worst_rotation, head.felt.worst_force):
         if most >= foot:
             k = CHANNELS.index(channel)
-            label = f"error, {channel}, largest of its kind"
-            ax.plot(time, felt[:, k], color=_CHANNEL_COLOURS[k], label=label)
+            ax.plot(time, felt[:, k], color=_CHANNEL_COLOURS[k], label=f"error, {channel}")
     ax.set_yscale("log")
     ax.set_ylim(foot, top)
     plain_numbers(ax.yaxis)
@@ -218,7 +240,7 @@ def _name_segments(
             rooms = [(a, int((b - a) / (high - low) * _PANEL[0] / _LETTER) - 1) for a, b in places]
             at, fitting = max(rooms, key=lambda room: min(room[1], len(name)))
             text = name if len(name) <= fitting else name[: max(fitting - 1, 0)] + "…"
-            band.text(at, row + 0.42, f" {text}", fontsize=7.5, va="center")
+            band.text(at, row + 0.42, f" {text}", fontsize=7, va="center")
             for ax in axes:
                 for at in (segment.start, segment.end):
                     ax.axvline(at, color="0.75", linewidth=0.6, zorder=0.5)

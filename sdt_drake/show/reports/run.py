@@ -19,13 +19,13 @@ from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.motion import Story, story_of
 from sdt_drake.pilot.head import has_head
 from sdt_drake.pilot.illusions import feel, illusions, intended
-from sdt_drake.pilot.orientation import CAUTION
+from sdt_drake.pilot.orientation import CAUTION, Percept
 from sdt_drake.run.controllers import option_names
 from sdt_drake.run.design import Design
 from sdt_drake.run.recording import Recording
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import Report, written
-from sdt_drake.show.figures.pilot import felt_panels
+from sdt_drake.show.figures.pilot import felt_panels, felt_true
 from sdt_drake.show.figures.scope import (
     joint_panels,
     probe_panels,
@@ -237,37 +237,43 @@ def _over_speed(design: Design) -> str:
 
 def _pilot(run: Compared, story: Story, name: str) -> list[doc.Block]:
     """Return the intended feeling of the motion, the predicted illusions, and plots by axis."""
-    blocks, predicted = _predicted(run, story)
+    head = run.head.achieved
+    felt: Percept | None = None
+    try:
+        felt = feel(head, run.design.reference.tracked.period, FELT_MODEL)
+        blocks, predicted = _predicted(felt, run, story)
+    except InputError as error:
+        blocks = [doc.said("There is no prediction of what is felt: {}.", error)]
+        predicted = ""
     if story.feels:
-        felt = doc.said("To be felt: {}", story.feels)
-        blocks.insert(0, doc.joined([felt, predicted], " ") if predicted else felt)
+        meant = doc.said("To be felt: {}", story.feels)
+        blocks.insert(0, doc.joined([meant, predicted], " ") if predicted else meant)
     threshold = doc.Marked(
         "> The last plot of each figure is the error over the threshold of attentive people in "
         "silence and darkness. Below 1 nobody feels it; above, some may."
     )
+    illusion = next(iter(felt_true(felt, head, story).values())) if felt else None
+    if illusion and illusion.marked is not None:
+        caption = f"Felt against true motion of the head; {illusion.marked_label}."
+        blocks.append(doc.Picture(f"{name}_pilot_illusion.png", caption, Plots([[illusion]])))
     pictures = [
         doc.Picture(
             f"{name}_pilot_{turn}.png",
             f"{push.capitalize()} force and {turn} of the head, in its own axes.",
             Plots([panels]),
         )
-        for turn, push, panels in felt_panels(run.recording.time, run.head)
+        for turn, push, panels in felt_panels(run.recording.time, run.head, felt)
     ]
     return [*blocks, CAUTION, threshold, *pictures]
 
 
-def _predicted(run: Compared, story: Story) -> tuple[list[doc.Block], str]:
+def _predicted(felt: Percept, run: Compared, story: Story) -> tuple[list[doc.Block], str]:
     """Return the predicted illusions, and if the intended one is predicted."""
-    design, head = run.design, run.head.achieved
-    try:
-        felt = feel(head, design.reference.tracked.period, FELT_MODEL)
-        found = [f"{one}." for one in illusions(felt, head)]
-        sentence = ""
-        if story.illusion:
-            meant = intended(design.scenario.name, story.illusion, head, {FELT_MODEL: felt})
-            sentence = meant.sentence(FELT_MODEL)
-    except InputError as error:
-        return [doc.said("There is no prediction of what is felt: {}.", error)], ""
+    head, sentence = run.head.achieved, ""
+    found = [f"{one}." for one in illusions(felt, head)]
+    if story.illusion:
+        meant = intended(run.design.scenario.name, story.illusion, head, {FELT_MODEL: felt})
+        sentence = meant.sentence(FELT_MODEL)
     if not found:
         return [doc.said("{:code} predicts no illusion.", FELT_MODEL)], sentence
     return [doc.said("Illusions that {:code} predicts:", FELT_MODEL), doc.bullets(found)], sentence

@@ -18,7 +18,7 @@ from sdt_drake.io.files import checked_output, checked_suffix, write_text
 from sdt_drake.io.shown import numbered
 from sdt_drake.motion import Story
 from sdt_drake.pilot.head import check_head
-from sdt_drake.pilot.illusions import intended, true_attitude
+from sdt_drake.pilot.illusions import LEVELS, intended, quantities, unit_of
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, as_design
@@ -210,19 +210,25 @@ def _page_data(robot: Robot, frames: scenes.Frames, story: Story) -> dict[str, o
         "names": numbered(robot.joint_names),
         "angles": np.degrees(frames.q).round(1).tolist(),
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
-        "felt": _attitudes(frames),
+        **_felt(frames),
         "segments": story.segments,
     }
 
 
-def _attitudes(frames: scenes.Frames) -> list[list[float]]:
-    """Return felt and true roll, then felt and true pitch, of each picture [deg]."""
+def _felt(frames: scenes.Frames) -> dict[str, list[Any]]:
+    """Return names and units of quantities that are felt or change, and felt and true values.
+
+    A picture has a list of pairs. Rates below the level of an illusion are left out.
+    """
     if frames.head is None or frames.felt is None:
-        return []
-    roll, pitch = true_attitude(frames.head)
-    both = np.degrees([frames.felt.roll, roll, frames.felt.pitch, pitch])
-    rows: list[list[float]] = both.T.round(1).tolist()
-    return rows
+        return {"quantities": [], "felt": []}
+    found = {
+        name: np.array(both).T.round(1).tolist()
+        for name, both in quantities(frames.felt, frames.head).items()
+        if np.abs(both).max() >= LEVELS[name] or unit_of(name) == "deg"
+    }
+    names = [[name, "°/s" if name.endswith("rate") else "°"] for name in found]
+    return {"quantities": names, "felt": [*zip(*found.values(), strict=True)]}
 
 
 def _predicted(frames: scenes.Frames, story: Story) -> str:
