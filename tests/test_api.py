@@ -90,7 +90,7 @@ def test_objects_have_short_reprs(robot, short, run):
     largest = np.abs(run.speed_error).max(axis=0)
     assert [line.split()[1] for line in str(run).splitlines()[2:]] == [f"{x:.4f}" for x in largest]
     scenario = dataclasses.replace(short.scenario, name="<b>")
-    assert "&lt;b&gt;: pi_ctc on the coupled plant" in scenario._repr_html_()
+    assert "&lt;b&gt;: PI + CTC on the coupled plant" in scenario._repr_html_()
 
 
 @given(st.lists(st.lists(st.text("abc", min_size=1, max_size=9), max_size=9), min_size=1))

@@ -26,6 +26,7 @@ from sdt_drake.io.shown import DataFrame, Figure, Shown, Summary, higher
 from sdt_drake.pilot.head import has_head
 from sdt_drake.run.controllers import CONTROLLERS, ChosenFeedforward
 from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.options import canonical
 from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
@@ -135,6 +136,7 @@ def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
     if design.feedforward_override is not None:
         text = "has another torque feedforward, which replaces those of the compared controllers"
         raise InputError(f"{text}; expected a design with its controller's own", place="design")
+    labels = list(map(canonical, labels))
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
@@ -203,7 +205,7 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
 
 def _parsed(label: str, where: str) -> tuple[str, str | None]:
     """Return kind and feedforward of a label "p_pi+id"; the feedforward is None without "+"."""
-    kind, plus, feedforward = label.partition("+")
+    kind, plus, feedforward = canonical(label).partition("+")
     one_of(kind, where, tuple(CONTROLLERS))
     if not plus:
         return kind, None

@@ -29,6 +29,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.robot.device import ENCODERS, Drive, Elasticity, Encoder
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.options import in_print
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 from sdt_drake.systems.state_space import StateSpace
@@ -156,7 +157,7 @@ class Stability(Shown):
     @property
     def title(self) -> str:
         scenario = self.design.scenario
-        label = scenario.controller.label
+        label = in_print(scenario.controller.label)
         return f"{scenario.name}: {label}, elastic joints of {self.omega_r:g} rad/s"
 
     def verdict(self, encoder: str) -> str:

@@ -9,6 +9,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Flag, Given, Out, Scenario, Show, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.results import RESULT_TABLES
+from sdt_drake.run.options import in_print
 
 if TYPE_CHECKING:
     from sdt_drake.analysis.frequency_response import FrequencyResponse
@@ -42,7 +43,7 @@ def run(
     design = common.design_of(scenario, given.changes)
     response = sdt.bode(design, time=time, at_rest=at_rest)
     chosen = design.scenario
-    title = f"{chosen.name}: {chosen.controller.label}"
+    title = f"{chosen.name}: {in_print(chosen.controller.label)}"
     verdict = _verdict(response, design.device.simulated)
     echo(f"{chosen.summary().title}: {verdict}")
     columns = response.columns()

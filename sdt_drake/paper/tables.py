@@ -7,7 +7,8 @@ from typing import Any
 from sdt_drake.analysis.metrics import METRICS, plain_number
 from sdt_drake.io.shown import formatted
 from sdt_drake.paper.published import TABLE1, table1
-from sdt_drake.show.sections import Marked, Table, code, spread
+from sdt_drake.run.options import in_print
+from sdt_drake.show.sections import Marked, Table, spread
 
 Json = Mapping[str, Any]
 """A part of summary.json."""
@@ -72,11 +73,11 @@ RUN = ("plant", "process", "Algorithm 1", "controller", "A")
 
 def run_cells(run: Json) -> list[str]:
     amplitude = f"{run['disturbance_amplitude']:g}"
-    return [run["plant"], run["process"], run["algorithm"], code(run["controller"]), amplitude]
+    return [run["plant"], run["process"], run["algorithm"], in_print(run["controller"]), amplitude]
 
 
 def label_cells(entry: Json) -> list[str]:
-    return [code(entry["controller"])]
+    return [in_print(entry["controller"])]
 
 
 def inertia_table(rows: Sequence[Json]) -> Table:

@@ -1,6 +1,7 @@
 """The union of the options of all controllers, of which `kind` chooses one."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, cast
 
@@ -18,7 +19,7 @@ from sdt_drake.io.fields import FileOf, Input, Problems, Text
 from sdt_drake.io.messages import refused
 from sdt_drake.io.names import Schema, given_fields
 from sdt_drake.io.schema import adapter
-from sdt_drake.run.options import CONTROLLERS, ControllerOptions, load_controllers
+from sdt_drake.run.options import CONTROLLERS, SAME, ControllerOptions, canonical, load_controllers
 from sdt_drake.systems.gains import STRUCTURES
 
 
@@ -75,15 +76,19 @@ class OfKind:
         del union["additionalProperties"]  # those of the file's controllers
         union["if"] = {"required": ["file"]}
         union["else"] = {
-            "properties": {"kind": {"enum": [*CONTROLLERS]}},
+            "properties": {"kind": {"enum": _and_same([*CONTROLLERS])}},
             "propertyNames": {"enum": [*properties]},
             "dependencies": {
-                name: {"properties": {"kind": {"enum": kinds}}}
+                name: {"properties": {"kind": {"enum": _and_same(kinds)}}}
                 | ({} if _Chosen.kind in kinds else {"required": ["kind"]})
                 for name, kinds in takers.items()
             },
         }
         return made
+
+
+def _and_same(kinds: Sequence[str]) -> list[str]:
+    return [*kinds, *(name for name, kind in SAME.items() if kind in kinds)]
 
 
 def _options(data: Any, read: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
@@ -92,6 +97,8 @@ def _options(data: Any, read: ValidatorFunctionWrapHandler, info: ValidationInfo
         if type(data) is CONTROLLERS.get(data.kind):
             return data
         data = dict(given_fields(data))  # made before the controller was registered
+    if isinstance(data, dict) and isinstance(data.get("kind"), str):
+        data = {**data, "kind": canonical(data["kind"])}
     if data is None and (info.context or {}).get("folder"):  # a key without a value: "controller:"
         data = {}
     if not isinstance(data, dict):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from sdt_drake.robot.windings import Windings, windings_of
 from sdt_drake.run import plant
 from sdt_drake.run.assumptions import Assumptions
 from sdt_drake.run.reference import Reference, drive_on_clock, reference_of
-from sdt_drake.run.scenario import Scenario
+from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.tuning import Feedforward, Tuning, tuning_of
 from sdt_drake.systems.state_space import LinearModel
 
@@ -298,7 +299,7 @@ _OLD_NAMES = {
     learned=instance_of(LearnedReference, "sdt_drake.learn"),
 )
 def make_design(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     *,
     robot: Robot | None = None,
     motion: Motion | None = None,
@@ -307,7 +308,7 @@ def make_design(
     """Load the robot of a scenario, plan its motion, and check that the loop can be simulated.
 
     Args:
-        scenario: the scenario.
+        scenario: the scenario, or the name or file of one.
         robot: the chosen device without deviations; loaded by default. `scenario.device` is not
             applied to it again.
         motion: the planned motion; planned for `robot` by default.
@@ -317,11 +318,11 @@ def make_design(
         InputError: naming file or field of any bad input.
 
     Examples:
-        >>> from sdt_drake.run.scenario import load_scenario
-        >>> design = make_design(load_scenario("axis_pi", {"motion": "leans"}))
+        >>> design = make_design("axis_pi")
         >>> design.tuning.gains.kp.tolist()
         [267.1, 6340.0, 52000.0, 15700.0]
     """
+    scenario = load_scenario(scenario) if isinstance(scenario, str | Path) else scenario
     instance_of(Scenario, "sdt_drake.load")(scenario, "scenario")
     robot = robot or load_device(scenario)
     check_joints(scenario, _name(scenario), robot.n)

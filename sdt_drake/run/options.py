@@ -171,6 +171,32 @@ class ChosenFeedforward(FeedforwardGain):
         return f"{self.kind}+{self.feedforward}" if is_fed else self.kind
 
 
+SAME = {"pi+ctc": "pi_ctc", "pi+id": "pi_id"}
+"""Kinds of controllers by other names, which the kinds with `feedforward` have."""
+_IN_PRINT = {
+    "pi": "PI", "pi_ctc": "PI + CTC", "pi_id": "PI + ID", "pi_dob": "PI + DOB", "p_pi": "P-PI",
+    "pi_scheduled": "scheduled PI", "inverse_dynamics": "inverse dynamics",
+}  # fmt: skip
+
+
+def canonical(label: str) -> str:
+    """Return the label of a controller by which `pi+ctc` is `pi_ctc`, and `pi+id` is `pi_id`."""
+    return SAME.get(label, label)
+
+
+def in_print(label: str) -> str:
+    """Return the name of a controller in figures and pages.
+
+    >>> [in_print(label) for label in ("pi_ctc", "pi+ctc", "p_pi+id", "pi_ctc, again", "mine")]
+    ['PI + CTC', 'PI + CTC', 'P-PI + ID', 'PI + CTC, again', 'mine']
+    """
+    name, comma, more = label.partition(", ")
+    kind, plus, feedforward = canonical(name).partition("+")
+    if kind not in _IN_PRINT:
+        return label
+    return _IN_PRINT[kind] + f" + {feedforward.upper()}" * bool(plus) + comma + more
+
+
 def option_names(options: type[ControllerOptions]) -> tuple[str, ...]:
     """Return the names of the options that a controller takes and others may not."""
     common = {field.name for field in fields(ControllerOptions)}

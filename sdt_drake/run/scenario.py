@@ -35,7 +35,7 @@ from sdt_drake.robot.robot import DEFAULT_ROBOT
 from sdt_drake.robot.stops import Stops
 from sdt_drake.robot.windings import WindingChoice
 from sdt_drake.run.choice import OfKind, plain_pi
-from sdt_drake.run.options import ControllerOptions
+from sdt_drake.run.options import ControllerOptions, in_print
 from sdt_drake.run.simulation import SimulationChoice
 
 PlantKind = Literal["axis", "coupled"]
@@ -187,7 +187,7 @@ class Scenario(Input, Shown):
                 yield "drive.period", f"{text}, {self.period:g} [s]"
 
     def summary(self) -> Summary:
-        title = f"{self.name}: {self.controller.label} on the {self.plant.kind} plant"
+        title = f"{self.name}: {in_print(self.controller.label)} on the {self.plant.kind} plant"
         values = ((name, x) for name, x in given(self) if name != "name")
         rows = [(name, f"{[*x] if isinstance(x, tuple) else x}") for name, x in values]
         return Summary(title, ("field", "value"), rows)

@@ -22,6 +22,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
 from sdt_drake.io.formats import FIGURES
 from sdt_drake.io.shown import formatted
+from sdt_drake.run.options import canonical
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can distinguish.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
@@ -80,6 +81,7 @@ def looks_of(labels: Sequence[str]) -> list[Look]:
     >>> [look.colour for look in looks_of(["pi", "my controller"])]
     ['#D55E00', '#0072B2']
     """
+    labels = list(map(canonical, labels))
     taken = {LOOKS[label].colour for label in labels if label in LOOKS}
     looks = list(map(nth_look, range(len(PALETTE))))
     free = cycle([look for look in looks if look.colour not in taken] or looks)

@@ -4,6 +4,7 @@ import pickle
 from dataclasses import dataclass, fields
 from functools import partial
 
+import jsonschema
 import numpy as np
 import pytest
 from helpers.alone import Alone
@@ -28,6 +29,7 @@ from sdt_drake.run.controllers import (
 )
 from sdt_drake.run.feedforward import start_feedforward
 from sdt_drake.run.loop import make_loop
+from sdt_drake.run.options import in_print
 from sdt_drake.run.recorded import after_updates
 from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
 from sdt_drake.run.simulate import simulate
@@ -145,6 +147,19 @@ def test_other_controller_kind_keeps_shared_options():
     assert back == base
     with pytest.raises(InputError, match=r"position_gain: pi takes none, only p_pi$"):
         cascade.changed({"controller.kind": "pi"})
+
+
+@pytest.mark.parametrize(("name", "kind"), [("pi+ctc", "pi_ctc"), ("pi+id", "pi_id")])
+def test_kind_by_the_name_of_its_feedforward_is_the_same_everywhere(name, kind):
+    loaded = load_scenario("axis_pi", {"controller.kind": name})
+    assert loaded == load_scenario("axis_pi", {"controller.kind": kind})
+    assert with_controller(load_scenario("axis_pi"), name).controller.label == kind
+    assert in_print(name) == in_print(kind) == name.upper().replace("+", " + ")
+    schema = json_schema(Scenario, "")
+    jsonschema.validate({"controller": {"kind": name, "feedforward_gain": [0.9] * 4}}, schema)
+    with pytest.raises(InputError, match="is given twice"):
+        compare(load_scenario("axis_pi"), [kind, name])
+    assert all(in_print(kind) != kind for kind in SHIPPED)
 
 
 def test_schema_has_options_of_each_controller():

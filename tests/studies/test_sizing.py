@@ -212,7 +212,7 @@ def test_page_without_sufficient_motors_names_the_missed_limits(tmp_path, undraw
     bad = GOOD | {"used_torque_share_2": 1.5}
     sizing_report(SMALL, judged(lambda x: bad), "").write(tmp_path)
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
-    assert "**No motor set of 8 meets all requirements.** They miss most often: with pi," in text
+    assert "**No motor set of 8 meets all requirements.** They miss most often: with PI," in text
     assert "Offer stronger motors" in text and "```" not in text
 
 
@@ -234,7 +234,7 @@ def test_size_command_writes_a_recommendation(desk, capfd, undrawn):
     said = (desk / "own" / "sizing.txt").read_text()
     assert capfd.readouterr().out.count(said) == 1
     best = "AC-203, TM-3950, TM-1430, TM-716"
-    assert f"{best}: 325 kg of motors are enough, with pi_id." in said
+    assert f"{best}: 325 kg of motors are enough, with PI + ID." in said
     rows = [*csv.DictReader((desk / "own" / "candidates.csv").open())]
     pairs = [f"{row['controller']} {row['motor_2']}" for row in rows]
     assert pairs == ["pi TM-716", "pi TM-3950", "pi_id TM-716", "pi_id TM-3950"]
@@ -242,7 +242,7 @@ def test_size_command_writes_a_recommendation(desk, capfd, undrawn):
     assert float(rows[3]["max_abs_speed_error_2"]) < 0.01 < float(rows[1]["max_abs_speed_error_2"])
 
     text = (desk / "own" / "report.md").read_text(encoding="utf-8")
-    assert f"**{best}: 325 kg of motors are enough, with pi_id.**" in text
+    assert f"**{best}: 325 kg of motors are enough, with PI + ID.**" in text
     # What it says to take into the scenario is a device.
     fields = yaml.safe_load(text.split("```")[1])
     made = load_scenario("coupled.yaml", {f"device.{k}": v for k, v in fields["device"].items()})

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from sdt_drake.analysis.metrics import METRICS, metric_of
+from sdt_drake.run.options import in_print
 from sdt_drake.show.figures.studies import BOTTOM, group_handles, outcome_label, scale
 from sdt_drake.show.style import Look, finish, grid, looks_of, style
 from sdt_drake.studies.table import ALL_RUNS, StudyTable, pareto
@@ -76,7 +77,7 @@ def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
         known = [v for v in verdicts if not math.isnan(v.error)]
         for ax, label, look in zip(axes, labels, looks_of(labels), strict=True):
             _candidates(ax, [v for v in known if v.controller == label], look)
-            ax.set_title(label, loc="left")
+            ax.set_title(in_print(label), loc="left")
             ax.set_xlabel("mass of all motors [kg]")
             ax.sharey(axes[0])
             ax.tick_params(labelleft=ax is axes[0])

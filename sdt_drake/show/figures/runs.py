@@ -25,6 +25,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import has_head
 from sdt_drake.robot.dynamics import InertiaRange, Loads
 from sdt_drake.robot.robot import Robot
+from sdt_drake.run.options import in_print
 from sdt_drake.run.recording import Recording
 from sdt_drake.show import style
 from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401
@@ -100,7 +101,7 @@ def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]
     """Draw joint speeds of runs and their reference, a panel for each joint (Figure 7)."""
     first = next(iter(runs.values()))
     lines = [("reference", style.LOOKS["reference"], first.v_ref)]
-    lines += [(label, look, runs[label].v) for label, look in _looks(runs)]
+    lines += [(name, look, run.v) for name, look, run in _looks(runs)]
     return picture(title, [over_time("speed [rad/s]", first.time, lines, joint_names)])
 
 
@@ -116,7 +117,7 @@ def speed_errors(
         joint_names: n names.
         motion: the planned motion; intervals of constant speed have a grey ground.
     """
-    lines = [(label, look, runs[label].speed_error) for label, look in _looks(runs)]
+    lines = [(name, look, run.speed_error) for name, look, run in _looks(runs)]
     largest = [[f"{label} {x:.3g}" for x in np.abs(v).max(axis=0)] for label, _, v in lines]
     panels = over_time(
         "speed error [rad/s]", motion.time, lines, joint_names,
@@ -197,8 +198,9 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
     return figure
 
 
-def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
-    return list(zip(runs, style.looks_of(list(runs)), strict=True))
+def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look, Recording]]:
+    looks = style.looks_of(list(runs))
+    return list(zip(map(in_print, runs), looks, runs.values(), strict=True))
 
 
 # --- controllers side by side ----------------------------------------------------------------
@@ -233,12 +235,13 @@ def _side_by_side(
     m, n = values.shape
     width, at = 0.8 / m, np.arange(n)
     for i, (c, look) in enumerate(zip(compared, looks, strict=True)):
+        own: dict[str, Any] = {"color": look.colour, "label": in_print(c.label)}
         place = at + (i - (m - 1) / 2) * width
         if dots:
             above = np.where(values[i] > 0, values[i], np.nan)
-            ax.plot(place, above, look.marker, color=look.colour, markersize=5, label=c.label)
+            ax.plot(place, above, look.marker, markersize=5, **own)
         else:
-            ax.bar(place, values[i], width, color=look.colour, label=c.label)
+            ax.bar(place, values[i], width, **own)
     for k in np.flatnonzero(~np.any(values > 0, axis=0)).tolist():
         text = "not\napplicable" if np.isnan(values[:, k]).all() else "none"
         ax.text(
@@ -267,7 +270,7 @@ def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -
     ax.bar_label(bars, [f"{value:.1f}" for value in share], fontsize=8)
     ax.set_title(METRICS["felt_share"].label, loc="left")
     ax.set(ylim=(0, 115), yticks=(0, 50, 100))
-    ax.set_xticks(at, [c.label.replace("+", "\n+") for c in compared], fontsize=7)
+    ax.set_xticks(at, [in_print(c.label).replace(" +", "\n+") for c in compared], fontsize=7)
     ax.grid(axis="x", visible=False)
 
 

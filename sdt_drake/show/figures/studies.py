@@ -21,6 +21,7 @@ from matplotlib.ticker import LogLocator
 
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.arrays import Array
+from sdt_drake.run.options import in_print
 from sdt_drake.show.style import PALETTE, finish, grid, looks_of, plain_numbers, style
 from sdt_drake.studies.summary import percentiles, sensitivity, tornado, values_of
 from sdt_drake.studies.table import StudyTable, is_text, pandas
@@ -113,7 +114,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
                 ax.set_title(table.place(name) or WHOLE_DEVICE, loc="left")
                 ax.tick_params(labelleft=ax is row[0])
             if table.by:
-                row[0].set_title(f"{level}, {row[0].get_title(loc='left')}", loc="left")
+                row[0].set_title(f"{in_print(level)}, {row[0].get_title(loc='left')}", loc="left")
         for ax in axes[-1]:
             ax.set_xlabel(metric_of(family)._replace(title="mean").label)
         handles = [
@@ -220,7 +221,8 @@ def _points(ax: Axes, values: pd.Series, y: Array, colours: Array) -> None:
     )
     scale(ax, "y", y[np.isfinite(y)])
     if levels:
-        ax.set_xticks(range(len(levels)), levels, rotation=30, ha="right", fontsize=7)
+        names = list(map(in_print, levels))
+        ax.set_xticks(range(len(levels)), names, rotation=30, ha="right", fontsize=7)
         ax.set_xlim(-0.5, len(levels) - 0.5)
     else:
         if len(places) > _MAX_LEVELS and places[0] > 0 and _spread(places) > 5:
@@ -301,5 +303,5 @@ def group_handles(groups: Iterable[str], *, lines: bool = True) -> list[Line2D]:
         own: dict[str, Any] = {"linestyle": look.dashes}
         if not lines:
             own = {"linestyle": "", "marker": look.marker}
-        handles.append(Line2D([], [], color=look.colour, label=label, **own))
+        handles.append(Line2D([], [], color=look.colour, label=in_print(label), **own))
     return handles

@@ -12,6 +12,7 @@ from sdt_drake.io.tables import write_table
 from sdt_drake.machine.learn.filter import Convergence, LearningFilter
 from sdt_drake.machine.learn.trials import LearningResult, Trial
 from sdt_drake.run.design import Design
+from sdt_drake.run.options import in_print
 from sdt_drake.run.scenario import save_scenario
 from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures import learning as figures
@@ -122,7 +123,7 @@ def write_learning_report(
         result: the flights.
     """
     names, first, best = design.device.simulated.joint_names, result.trials[0], result.best
-    title = f"{design.scenario.name}: {design.scenario.controller.label}"
+    title = f"{design.scenario.name}: {in_print(design.scenario.controller.label)}"
     time, compared = design.reference.planned.time, [first] if best is first else [first, best]
     rows = [flight_numbers(trial) for trial in result.trials]
     answer, *more = map(capital, learning_summary(result))

@@ -19,6 +19,7 @@ from sdt_drake.machine.replay import (
     QUANTITIES,
     Replay,
 )
+from sdt_drake.run.options import in_print
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import MARKDOWN, REPORT, written
 from sdt_drake.show.figures.replay import replay_figure, replay_title
@@ -88,11 +89,11 @@ def _of_the_reference(replay: Replay) -> Iterator[str]:
     design, signals = replay.design, replay.recorded.signals
     replaced = design.tuning.feedforward.along is not None and design.tuning.feedforward.law is None
     yield doc.said(
-        "The reference has {:g} s, sampled every {:g} ms, on the {} plant with {:code}{}.",
+        "The reference has {:g} s, sampled every {:g} ms, on the {} plant with {}{}.",
         design.reference.tracked.duration,
         1e3 * design.reference.tracked.period,
         design.scenario.plant.kind,
-        design.scenario.controller.label,
+        in_print(design.scenario.controller.label),
         "; the recorded torque feedforward replaces the controller's own" if replaced else "",
     )
     if "tau_ff" in signals and not design.scenario.controller.takes_feedforward:

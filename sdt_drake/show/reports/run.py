@@ -22,6 +22,7 @@ from sdt_drake.pilot.illusions import feel, illusions, intended
 from sdt_drake.pilot.orientation import CAUTION, Percept
 from sdt_drake.run.controllers import option_names
 from sdt_drake.run.design import Design
+from sdt_drake.run.options import in_print
 from sdt_drake.run.recording import Recording
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import Report, written
@@ -110,7 +111,7 @@ def _what(design: Design) -> Iterator[tuple[str, str]]:
     learned = "" if design.reference.tracked is wanted else "; the reference is learned"
     times = wanted.duration, wanted.period
     yield "motion", doc.said("{}, {:g} s at {:g} s{}", motion, *times, learned)
-    yield "controller", doc.said("{:code}: {}", choice.label, choice.in_words(design))
+    yield "controller", doc.said("{}: {}", in_print(choice.label), choice.in_words(design))
     gain = f" times {list(choice.feedforward_gain)}" if choice.feedforward_gain else ""
     yield (
         "torque feedforward",

@@ -10,6 +10,7 @@ from typing import Any
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.resources import PACKAGE_PREFIX
 from sdt_drake.io.shown import formatted, listed
+from sdt_drake.run.options import canonical, in_print
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
 from sdt_drake.show.figures.fronts import sizing_front
@@ -92,7 +93,7 @@ def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str
     chosen = recommend(verdicts, label)
     shown = chosen or nearest(verdicts, label)
     return {
-        "label": label,
+        "label": in_print(label),
         "chosen": chosen,
         "shown": shown,
         "kept": sum(v.feasible for v in own),
@@ -102,7 +103,7 @@ def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str
         "tight": [] if chosen is None else _tight(chosen),
         "fields": _fields(sizing, shown),
         "margins": _margins(shown) if shown.worst else None,
-        "out": _ruled_out(own, label),
+        "out": _ruled_out(own, in_print(label)),
     }
 
 
@@ -114,7 +115,8 @@ def _heavy(answer: dict[str, Any]) -> tuple[float, float]:
 
 def _fields(sizing: Sizing, verdict: Verdict) -> str:
     """Return device and controller of a candidate as the YAML of a scenario."""
-    catalogue, (kind, _, feedforward) = sizing.device.catalogue, verdict.controller.partition("+")
+    catalogue = sizing.device.catalogue
+    kind, _, feedforward = canonical(verdict.controller).partition("+")
     shared = catalogue if catalogue.startswith(PACKAGE_PREFIX) else Path(catalogue).name
     device: dict[str, object] = {"catalogue": shared, "fitted": sizing.device.fitted}
     if sizing.device.gear_ratio is not None:
@@ -151,7 +153,7 @@ def _margins(verdict: Verdict) -> doc.Table:
     kind = "Margins" if verdict.feasible else "The nearest set misses"
     return doc.Table(
         ("joint", "motor", "nearest limit", "value", "used [%]", "margin [%]", "in motion"), rows,
-        title=f"{kind}, with {verdict.controller}",
+        title=f"{kind}, with {in_print(verdict.controller)}",
     )  # fmt: skip
 
 
@@ -198,4 +200,5 @@ def motor_table(sizing: Sizing, verdicts: Sequence[Verdict]) -> doc.Table:
                 *(f"{sum(own)} of {len(own)}" for own in kept),
             ))  # fmt: skip
     header = ("joint", "motor", "mass [kg]", "peak torque, behind its gear [N m]")
-    return doc.Table((*header, *(f"enough in sets, {label}" for label in sizing.controllers)), rows)
+    enough = [f"enough in sets, {in_print(label)}" for label in sizing.controllers]
+    return doc.Table((*header, *enough), rows)

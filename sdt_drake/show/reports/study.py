@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import listed
+from sdt_drake.run.options import in_print
 from sdt_drake.show import sections as doc
 from sdt_drake.show.documents import REPORT, Report, written
 from sdt_drake.show.figures import fronts as plots_front
@@ -158,7 +159,7 @@ def finding(table: StudyTable, family: str) -> tuple[doc.Marked, bool]:
         (value,) = metric_of(family).factor * summary.percentiles(part, family, (95,))
         if np.isnan(value):
             continue
-        where = doc.said(" with {:code}", level) if table.by else ""
+        where = doc.said(" with {}", in_print(level)) if table.by else ""
         limits.append(doc.said("{:.3g}{}", value, where))
         shares = summary.sensitivity(part, family)
         name, share, error = next(shares.itertuples(name=None), ("", 0, 0))

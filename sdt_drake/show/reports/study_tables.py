@@ -6,6 +6,7 @@ import numpy as np
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.shown import formatted
+from sdt_drake.run.options import in_print
 from sdt_drake.show.sections import Table
 from sdt_drake.studies import summary
 from sdt_drake.studies.table import StudyTable, pandas
@@ -34,7 +35,7 @@ def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
     rows = []
     for level, part in table.groups.items():
         for name in names:
-            place = ", ".join(filter(None, [level, table.place(name)]))
+            place = ", ".join(filter(None, [in_print(level), table.place(name)]))
             rows.append([place, *map(cell, metric.factor * summary.percentiles(part, name))])
     header = [table.by or "", *(f"{percent} %" for percent in summary.PERCENTS[:-1]), "largest"]
     return Table(header, rows, f"Percentiles: {metric.label}")
@@ -102,7 +103,7 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
             sums = shares.sum(min_count=1)
             rows.append(["sum", *(formatted(100 * x, ".0f") for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
-            title = f"Variance explained by each input alone [%], {level}"
+            title = f"Variance explained by each input alone [%], {in_print(level)}"
             tables.append(Table(header, rows, title))
     return tables
 
