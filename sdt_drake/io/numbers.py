@@ -2,14 +2,15 @@
 
 import contextlib
 import itertools
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, time
 from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import MAX_NUMBER, InputError, at_most
 from sdt_drake.io.files import checked_input
 from sdt_drake.io.formats import BINARY, MAX_NUMBERS, read_binary
@@ -34,6 +35,8 @@ class Style:
     """Separator of the columns; None: spaces or tabs."""
     header: bool = True
     """A first line with the names of the columns, perhaps after a #."""
+    units: bool = False
+    """A line with units after the names."""
     skip: int = 0
     """Number of lines to skip at the start; blank lines do not count."""
     decimal: str = "."
@@ -60,28 +63,50 @@ class Numbers:
     """Row and text of the first cell of each column that is neither number nor date."""
     dates: frozenset[int] = frozenset()
     """Columns with dates or times of day, whose values are seconds."""
+    kept: Index | None = None
+    """The rows of the file that `data` has, from 0; None: all."""
+    left_out: int = 0
+    """Number of rows that `complete` left out."""
 
     @property
     def notes(self) -> tuple[str, ...]:
         """One sentence for each part of the file that was ignored."""
-        text = f"the last line is incomplete and was ignored: {self.cut[:40]}"
-        return (text,) if self.cut else ()
+        notes = []
+        if self.cut:
+            notes += [f"the last line is incomplete and was ignored: {self.cut[:40]}"]
+        if self.left_out:
+            notes += [f"{self.left_out} row(s) that lack a number were left out"]
+        return tuple(notes)
+
+    def complete(self, columns: Iterable[int]) -> "Numbers":
+        """Return the rows with finite numbers in all of these columns."""
+        kept = np.flatnonzero(np.isfinite(self.data[:, [*columns]]).all(axis=1))
+        if len(kept) < 2:
+            raise InputError(f"{self.path}: fewer than two rows have a number in each column")
+        left_out = len(self.data) - len(kept)
+        return replace(self, data=self.data[kept], kept=kept, left_out=left_out, texts={})
 
     def place(self, row: int) -> str:
         """Return file and line of a row, counted from 0."""
+        row = row if self.kept is None else int(self.kept[row])
         if self.style is None:
             return f"{self.path}, row {row + 1}"
         line = next(itertools.islice(_rows(self.path, self.style), int(row), None))[0]
         return f"{self.path}, line {line}"
 
-    def check_finite(self, columns: Iterable[int], *, dates: bool = False) -> None:
-        """Check that columns have finite numbers only, none beyond MAX_NUMBER, or `dates`.
+    def check_finite(
+        self, columns: Iterable[int], *, dates: bool = False, or_else: str = ""
+    ) -> None:
+        """Check that columns have finite numbers only, none beyond MAX_NUMBER.
+
+        With `dates`, they may also be dates, and any number of seconds or parts of it.
 
         Raises:
-            InputError: another value; the message has its line and column.
+            InputError: another value; the message has its line and column, and `or_else` for NaN.
         """
         for column in columns:
-            bad = np.flatnonzero(~(np.abs(self.data[:, column]) <= MAX_NUMBER))
+            largest = np.finfo(float).max if dates else MAX_NUMBER
+            bad = np.flatnonzero(~(np.abs(self.data[:, column]) <= largest))
             if column in self.dates and not dates:
                 raise InputError(f"{self.path}: {self.names[column]} has dates, expected numbers")
             row, text = self.texts.get(column, (-1, ""))
@@ -91,7 +116,7 @@ class Numbers:
                 value = float(self.data[bad[0], column])
                 raise InputError(
                     f"{self.place(bad[0])}: {self.names[column]} is {value}, "
-                    f"expected a finite number{at_most(value)}"
+                    f"expected a finite number{at_most(value)}" + or_else * bool(np.isnan(value))
                 )
 
 
@@ -132,9 +157,9 @@ def read_numbers(
         _, head = next(itertools.islice(lines(path, style.encoding), style.skip, None), (0, ""))
     if len(start) < min_rows:
         raise InputError(f"{path}: fewer than {'two rows' if min_rows == 2 else 'a row'}")
-    first = start[0][1] if head is None else head.strip().lstrip("#")
-    names = [_unquoted(name) for name in first.split(style.delimiter)]
+    first = start[0][1] if head is None else head
     cells = start[0][1].split(style.delimiter)
+    names = header_cells(first, style.delimiter, len(cells))
     if len(names) == 1 or len(cells) == 1:
         _check_delimiter(path, start[0][1] if len(cells) == 1 else first, style, logged=logged)
     if logged and len(cells) == len(names) + 1 and not cells[-1].strip():
@@ -175,6 +200,18 @@ def lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
+def header_cells(line: str, delimiter: str | None, width: int) -> list[str]:
+    """Return the names in a header of a table with so many columns.
+
+    Names between runs of spaces may contain single ones.
+    """
+    line = line.strip().lstrip("#")
+    names = line.split(delimiter)
+    if delimiter is None and len(names) != width:
+        names = re.split(r"\s{2,}|\t", line.strip())
+    return [_unquoted(name) for name in names]
+
+
 def is_number(cell: str) -> bool:
     """Check whether a cell of a table is a number."""
     try:
@@ -186,7 +223,9 @@ def is_number(cell: str) -> bool:
 
 def _rows(path: Path, style: Style) -> Iterator[tuple[int, str]]:
     """Yield number and text of each line of numbers, with decimal points."""
-    every = itertools.islice(lines(path, style.encoding), style.skip + style.header, None)
+    every = itertools.islice(
+        lines(path, style.encoding), style.skip + style.header + style.units, None
+    )
     if style.decimal == ".":
         return every
     return ((number, line.replace(style.decimal, ".")) for number, line in every)
@@ -216,7 +255,7 @@ def _loaded(
             ndmin=2,
             comments=None,
             quotechar='"',
-            converters=dict.fromkeys(odd, _value),
+            converters=dict.fromkeys(odd, cell_value),
         )
     except ValueError as error:
         if isinstance(error, InputError):  # another encoding
@@ -264,13 +303,13 @@ def _note(odd: _Odd, row: int, cells: Sequence[str]) -> None:
         if is_number(cell):
             continue
         odd.columns.add(k)
-        if np.isfinite(_value(cell)):
+        if np.isfinite(cell_value(cell)):
             odd.dates.add(k)
         elif cell.strip():
             odd.texts.setdefault(k, (row, cell.strip()))
 
 
-def _value(cell: str) -> float:
+def cell_value(cell: str) -> float:
     """Return a number, the seconds of a date or a time of day, or NaN for other texts."""
     text = _unquoted(cell)
     if is_number(text):

@@ -30,7 +30,15 @@ class Finding:
     @property
     def spoils(self) -> bool:
         """True if the recording must be corrected before other conclusions."""
-        return self.kind in ("rounded", "repeated", "frozen", "clipped", "degrees", "clock")
+        return self.kind in (
+            "order",
+            "rounded",
+            "repeated",
+            "frozen",
+            "clipped",
+            "degrees",
+            "clock",
+        )
 
     def __str__(self) -> str:
         text = f"{self.source}: {self.sentence}" if self.source else self.sentence

@@ -30,6 +30,9 @@ def check_recording(robot: Robot, recorded: Recorded) -> list[Finding]:
 
 
 def _checked(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
+    if recorded.by_names:
+        orders = [f"{name}: [{', '.join(own)}]" for name, own in recorded.by_names.items()]
+        yield finding("order", (), ", ".join(orders), signals=listed([*recorded.by_names]))
     yield from _sampling(recorded)
     signals = recorded.signals
     if "q" in signals:

@@ -29,6 +29,8 @@ class Layout(fields.Input):
     """Delimiter between columns: comma, semicolon, tab, space (any blanks) or pipe; or itself."""
     header: bool = True
     """True if a line with column names comes first."""
+    units: bool = False
+    """True if a line with units comes after the names; it is not read."""
     decimal: Literal["point", "comma"] = "point"
     """Decimal mark in the numbers: point or comma."""
     encoding: str = "utf-8"
@@ -40,15 +42,20 @@ class Layout(fields.Input):
     `rate`."""
     time_factor: fields.Positive = fields.field(1.0, unit="s")
     """Unit of the time column: 0.001 for milliseconds."""
+    nanoseconds: str = ""
+    """Column of nanoseconds to add to a time in whole seconds, as stamps of ROS 2 have; "" for
+    none."""
     rate: fields.Positive | None = fields.field(None, unit="Hz")
     """Sample rate of a file without a time column."""
+    drop_incomplete: bool = False
+    """True to leave out rows without a number in a column that is read, such as gaps of NaN."""
 
     @property
     def style(self) -> Style:
         """Format of the text."""
         delimiter = DELIMITERS.get(self.delimiter, self.delimiter)
         decimal = DECIMALS[self.decimal]
-        return Style(delimiter, self.header, self.skip, decimal, self.encoding)
+        return Style(delimiter, self.header, self.units, self.skip, decimal, self.encoding)
 
     def problems(self) -> fields.Problems:
         if self.decimal == "comma" and self.delimiter in ("comma", ","):
@@ -60,6 +67,8 @@ class Layout(fields.Input):
         if (self.time == "") == (self.rate is None):
             missing = "missing, expected a rate because time is ''"
             yield "rate", "expected only with time: ''" if self.time else missing
+        if self.units and not self.header:
+            yield "units", "expected only with header: true; else skip the line"
 
 
 @dataclass(frozen=True)
@@ -67,8 +76,9 @@ class Columns(Layout):
     """The columns of a recording's file, with their units; the default is the package's own format.
 
     A signal is a list of columns, one for each joint from base to tip. Columns are given by name,
-    or by number from 1. One text with {k} for the number of the joint, from 1, stands for the
-    whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
+    or by number from 1. One text with {k} for the number of the joint, from 1, or {k0}, from 0,
+    stands for the whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file
+    does not have.
     """
 
     q: fields.NonEmptyNames = fields.field(("q_{k}",))

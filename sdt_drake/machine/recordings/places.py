@@ -1,8 +1,15 @@
 """Columns of a file, found by the names of a mapping."""
 
+import re
+
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.numbers import Numbers
 from sdt_drake.io.shown import listed
+
+OR_DROP = "; or drop_incomplete: true in a mapping file (columns=...)"
+"""Hint for a column with NaN."""
+
+_NUMBER = r"\{k0?\}"
 
 
 def places_of(
@@ -15,15 +22,15 @@ def places_of(
     """
     if not names and not needed:
         return None
-    pattern = names[0] if len(names) == 1 and "{k}" in names[0] else None
-    columns = [pattern.replace("{k}", str(k + 1)) for k in range(n + 1)] if pattern else names
+    pattern = names[0] if len(names) == 1 and re.search(_NUMBER, names[0]) else None
+    columns = _numbered(numbers, pattern, n) if pattern else names
     places = [place_of(numbers, name) for name in columns]
     if pattern:
         one_more = places.pop() is not None
         if one_more or (places[0] is not None and None in places):
             count = f"{n + 1} or more" if one_more else n - places.count(None)
             raise InputError(
-                f"{numbers.path}: {count} column(s) {pattern.replace('{k}', 'k')} ({signal}), "
+                f"{numbers.path}: {count} column(s) {re.sub(_NUMBER, 'k', pattern)} ({signal}), "
                 f"but the robot has {n} joint(s)"
             )
     elif len(places) != n:
@@ -41,6 +48,13 @@ def places_of(
     if needed or found:
         raise missing(numbers, columns[places.index(None)], signal)
     return None
+
+
+def _numbered(numbers: Numbers, pattern: str, n: int) -> list[str]:
+    """Return the n columns of a pattern and the one after, from 0 if {k0} or the file says so."""
+    from_0 = [re.sub(_NUMBER, str(k), pattern) for k in range(n + 2)]
+    starts_at_0 = from_0[0] in numbers.names and (n == 1 or from_0[1] in numbers.names)
+    return from_0[:-1] if starts_at_0 or "{k0}" in pattern else from_0[1:]
 
 
 def place_of(numbers: Numbers, name: str) -> int | None:

@@ -1,6 +1,8 @@
 """Reader of recordings into SI units, joint side."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ import numpy as np
 from sdt_drake.io.arguments import a_path, one_of
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.numbers import read_numbers
+from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.machine.recordings.columns import (
     ANGLES,
     RECORDED_SIGNALS,
@@ -17,9 +19,10 @@ from sdt_drake.machine.recordings.columns import (
     Columns,
     load_columns,
 )
-from sdt_drake.machine.recordings.places import places_of
+from sdt_drake.machine.recordings.joint_names import families, other_order
+from sdt_drake.machine.recordings.places import OR_DROP, places_of
 from sdt_drake.machine.recordings.recorded import Recorded
-from sdt_drake.machine.recordings.times import times_of
+from sdt_drake.machine.recordings.times import places_of_time, times_of
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.robot import Robot
 
@@ -69,32 +72,33 @@ def read_recording(
         try:
             return read_recording(path, robot, Columns(), needs=needs, side=side)
         except InputError as error:
-            raise _with_proposal(error, Path(path), robot) from None
+            raise _with_proposal(error, Path(path), robot, needs) from None
     if not isinstance(columns, Columns):
         columns = load_columns(a_path(columns, "columns"))
     numbers = read_numbers(path, columns.style, logged=True)
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")
+    places = _places(numbers, columns, robot.n, needs)
+    by_names = _order_by_names(numbers, robot.joint_names, places)
+    from_0 = _numbered_from_0(numbers, columns, places)
+    if columns.drop_incomplete:
+        numbers = numbers.complete([*places_of_time(numbers, columns), *chain(*places.values())])
     time = times_of(numbers, columns)
-    conversions = _conversions(robot.n, columns)
-    signals = {}
-    for name in RECORDED_SIGNALS:
-        names = getattr(columns, name)
-        is_named = bool(names) and names != getattr(Columns(), name)
-        found = places_of(numbers, names, name, robot.n, needed=is_named or name in needs)
-        if found:
-            numbers.check_finite(found)
-            signals[name] = numbers.data[:, found]
-            if name == "tau" and columns.torque_delay != 0:
-                signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
-            signals[name] *= conversions[name][0]  # in place, to save memory
-            if side == "motor" and name in TORQUES:
-                signals[name] = robot.joint_torque(signals[name])
-            if columns.position_side == "motor" and name in ANGLES:
-                signals[name] = robot.of_joints(signals[name])
-            signals[name] += conversions[name][1]
+    conversions, signals = _conversions(robot.n, columns), {}
+    for name, found in places.items():
+        numbers.check_finite(found, or_else=OR_DROP)
+        signals[name] = numbers.data[:, found]
+        if name == "tau" and columns.torque_delay != 0:
+            signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
+        signals[name] *= conversions[name][0]  # in place, to save memory
+        if side == "motor" and name in TORQUES:
+            signals[name] = robot.joint_torque(signals[name])
+        if columns.position_side == "motor" and name in ANGLES:
+            signals[name] = robot.of_joints(signals[name])
+        signals[name] += conversions[name][1]
     factor = columns.time_factor if columns.rate is None else None
-    return Recorded(numbers.path, time, signals, own, factor, numbers.notes)
+    notes = (*numbers.notes, *from_0)
+    return Recorded(numbers.path, time, signals, own, factor, by_names, notes)
 
 
 def recordings_of(
@@ -129,22 +133,74 @@ def recordings_of(
     ]
 
 
-def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:
-    """Return the error with a proposed mapping, if the file can be recognised."""
-    from sdt_drake.machine.recordings.proposal import proposal
+def _with_proposal(error: InputError, path: Path, robot: Robot, needs: Sequence[str]) -> InputError:
+    """Return the error with a proposed mapping that was tried, if the file can be recognised."""
+    from sdt_drake.machine.recordings.proposal import in_a_line, proposal
 
     if not path.is_file():
         return error
-    try:
+    with suppress(InputError):  # a binary file that cannot be read
         proposed = proposal(path, robot.joint_names)
-    except InputError:  # a binary file that cannot be read
-        return error
-    first, *others = error.problems
-    return (
-        InputError(first._replace(found=f"{first.found}; {proposed}"), *others)
-        if proposed
-        else error
-    )
+        if proposed is None:
+            return error
+        for more in ({}, {"drop_incomplete": True}):
+            mapping = proposed.mapping | more
+            with suppress(InputError):
+                read = read_recording(path, robot, Columns(**mapping), needs=needs)
+                text = f"; {proposed.words}: {_in_short(read)}; as a mapping file (columns=...): "
+                first, *others = error.problems
+                found = f"{first.found}{text}{in_a_line(mapping)}"
+                return InputError(first._replace(found=found), *others)
+    return error
+
+
+def _in_short(recorded: Recorded) -> str:
+    """Return the size of a recording in words."""
+    q, lasts = recorded.signals["q"], float(recorded.time[-1])
+    text = f"{len(q)} rows, {lasts:.4g} s at {1 / recorded.period:.4g} Hz"
+    ranges = ", ".join(f"{x:.3g}" for x in np.degrees(np.ptp(q, axis=0)))
+    return f"{text}, joints over {ranges} deg"
+
+
+def _places(
+    numbers: Numbers, columns: Columns, n: int, needs: Sequence[str]
+) -> dict[str, list[int]]:
+    """Return the places of the columns of each signal that is there."""
+    places = {}
+    for name in RECORDED_SIGNALS:
+        names = getattr(columns, name)
+        is_named = bool(names) and names != getattr(Columns(), name)
+        found = places_of(numbers, names, name, n, needed=is_named or name in needs)
+        if found:
+            places[name] = found
+    return places
+
+
+def _order_by_names(
+    numbers: Numbers, joints: Sequence[str], places: Mapping[str, list[int]]
+) -> dict[str, list[str]]:
+    """Return the columns of signals whose names of joints tell another order, in that order."""
+    texts = {numbers.names[place]: text for place, (_, text) in numbers.texts.items()}
+    found = families(numbers.names, texts, joints)
+    orders = {}
+    for name, own in places.items():
+        family = other_order([numbers.names[place] for place in own], found)
+        if family is not None:
+            orders[name] = family.columns
+    return orders
+
+
+def _numbered_from_0(
+    numbers: Numbers, columns: Columns, places: Mapping[str, list[int]]
+) -> list[str]:
+    """Return a sentence on columns whose pattern has {k}, but which are numbered from 0."""
+    first = [
+        numbers.names[own[0]]
+        for name, own in places.items()
+        if "{k}" in (pattern := getattr(columns, name)[0])
+        and numbers.names[own[0]] == pattern.replace("{k}", "0")
+    ]
+    return [f"columns are numbered from 0: joint 1 has {', '.join(first)}"] if first else []
 
 
 def _conversions(n: int, columns: Columns) -> dict[str, tuple[Array, Array]]:

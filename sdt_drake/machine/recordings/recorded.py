@@ -1,7 +1,7 @@
 """A recording in SI units, joint side."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -27,6 +27,9 @@ class Recorded:
     """True if q and v belong to the links, as `simulate` writes them; False for encoders."""
     time_factor: float | None = 1.0
     """Assumed unit of the time column [s]; None without one."""
+    by_names: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Columns of a signal in the order of the joints by the names in the file, where the mapping
+    has another order."""
     notes: tuple[str, ...] = ()
     """Changes of the data on reading, as sentences."""
 

@@ -8,7 +8,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.numbers import DAY, Numbers, is_number
 from sdt_drake.machine.recordings.columns import Layout
-from sdt_drake.machine.recordings.places import missing, place_of
+from sdt_drake.machine.recordings.places import OR_DROP, missing, place_of
 from sdt_drake.machine.recordings.recorded import Recorded
 
 _MIN_RATE, _USUAL_RATE, _MAX_RATE = 5.0, 300.0, 1e5  # sample rates of robots [Hz]
@@ -28,6 +28,12 @@ def times_of(numbers: Numbers, columns: Layout) -> Array:
     return time
 
 
+def places_of_time(numbers: Numbers, columns: Layout) -> list[int]:
+    """Return the places of the columns of time that are there."""
+    places = [place_of(numbers, name) for name in (columns.time, columns.nanoseconds) if name]
+    return [place for place in places if place is not None]
+
+
 def likely_factor(step: float) -> float:
     """Return the likely unit [s] of times with this step: 1 if the rate is that of a recorder."""
     if _MIN_RATE <= 1 / step <= _MAX_RATE:
@@ -38,7 +44,8 @@ def likely_factor(step: float) -> float:
 def _times(numbers: Numbers, columns: Layout) -> Array:
     """Return the times of the rows, from 0 [s]."""
     if columns.rate is not None:
-        return np.arange(len(numbers.data)) / columns.rate
+        rows = np.arange(len(numbers.data)) if numbers.kept is None else numbers.kept
+        return (rows - rows[0]) / columns.rate
     place = place_of(numbers, columns.time)
     if place is None:
         raise missing(numbers, columns.time, "time")
@@ -48,10 +55,16 @@ def _times(numbers: Numbers, columns: Layout) -> Array:
             f"{numbers.place(row)}: {columns.time} is '{text}', expected a number, a date or a "
             "time of day; or time: '' and rate: in Hz in a mapping file (columns=...)"
         )
-    numbers.check_finite([place], dates=True)
+    numbers.check_finite([place], dates=True, or_else=OR_DROP)
     time = numbers.data[:, place] - numbers.data[0, place]
     if place not in numbers.dates:
         time *= columns.time_factor
+        if columns.nanoseconds:
+            more = place_of(numbers, columns.nanoseconds)
+            if more is None:
+                raise missing(numbers, columns.nanoseconds, "nanoseconds")
+            numbers.check_finite([more], or_else=OR_DROP)
+            time += 1e-9 * (numbers.data[:, more] - numbers.data[0, more])
     elif columns.time_factor != 1:
         raise InputError(
             f"time_factor: {columns.time_factor:g}, expected 1, since {columns.time} of "
