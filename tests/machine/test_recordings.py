@@ -116,6 +116,14 @@ def test_unreadable_recording_is_one_line(tmp_path, table, robot, change, messag
     assert "\n" not in str(error.value)
 
 
+def test_log_of_1_hz_is_refused_without_another_unit_unless_it_lasts_long_in_it(tmp_path, robot):
+    for rows, is_hinted in ((600, False), (60_000, True)):
+        values = np.column_stack([np.arange(float(rows)), np.ones((rows, 8))])
+        with pytest.raises(InputError, match=r"time: .*, 1 Hz, expected 5 to 100000 Hz") as error:
+            read_recording(write(tmp_path, values), robot, Columns())
+        assert ("in milliseconds it would be 1000 Hz" in str(error.value)) == is_hinted
+
+
 @needs_data
 def test_ur10_recording_is_identified_as_by_another_calculation(tmp_path):
     robot = load_robot(UR10.write(tmp_path))

@@ -1,7 +1,9 @@
 """Recordings of flights, read from files with any columns and units into motion of the head."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,18 +19,22 @@ from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.recordings.columns import Layout
+from sdt_drake.machine.recordings.places import OR_DROP, place_of
 from sdt_drake.machine.recordings.places import missing as missing_column
-from sdt_drake.machine.recordings.places import place_of
-from sdt_drake.machine.recordings.times import times_of
+from sdt_drake.machine.recordings.times import places_of_time, times_of
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.pilot.head import GRAVITY
 
-_FORCES = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}
+FORCE_UNITS = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}
+"""Units of forces in m/s²."""
+
 _RATES = {"rad/s": 1.0, "deg/s": np.pi / 180}
 _AXES = {"flu": (1.0, 1.0, 1.0), "frd": (1.0, -1.0, -1.0)}
 _ATTITUDE = ("bank_deg", "pitch_deg")
 _MAX_DURATION = 3600.0  # s
 _MIN_SAMPLE_RATE = 2.0  # Hz
+MIN_RATE = 0.5
+"""Slowest rate of a flight's recorder [Hz]; slower times are in another unit."""
 
 
 _THREE: dict[str, Any] = {"min_length": 3, "max_length": 3}
@@ -88,6 +94,8 @@ class Flight:
     """Bank and pitch for figures [rad], shape (N, 2); None if the file has none."""
     notes: tuple[str, ...] = ()
     """Parts of the file that are not used, as sentences."""
+    columns: FlightColumns | None = None
+    """Mapping of its file; None for arrays."""
 
     @property
     def duration(self) -> float:
@@ -184,19 +192,27 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
     Args:
         path: Path of the file, or the name of a shipped flight.
         columns: Names and units of the columns, a mapping file, or the name of a shipped one.
+            Without them and with other names in the file, the error contains a proposal.
 
     Raises:
         InputError: The file cannot be read; the error gives the file, and the column or line.
     """
     if isinstance(columns, str | Path):
         columns = load_flight_columns(columns)
-    columns = columns or FlightColumns()
+    if columns is None:
+        try:
+            return read_flight(path, FlightColumns())
+        except InputError as error:
+            raise _with_proposal(error, path) from None
     numbers = read_numbers(find_file(path, "flight"), columns.style, logged=True)
-    time = times_of(numbers, columns)
+    places = {x: _places(numbers, getattr(columns, x), x) for x in ("force", "omega")}
+    if columns.drop_incomplete:
+        numbers = numbers.complete([*places_of_time(numbers, columns), *chain(*places.values())])
+    time = times_of(numbers, columns, MIN_RATE)
     axes = np.array(_AXES[columns.axes])
-    force = _columns(numbers, columns.force, "force") * axes * columns.force_direction
-    omega = _columns(numbers, columns.omega, "omega") * axes * columns.omega_direction
-    force *= columns.force_factor * _FORCES[columns.force_unit]
+    force = _values(numbers, places["force"]) * axes * columns.force_direction
+    omega = _values(numbers, places["omega"]) * axes * columns.omega_direction
+    force *= columns.force_factor * FORCE_UNITS[columns.force_unit]
     omega *= columns.omega_factor * _RATES[columns.omega_unit]
     lever = np.array(columns.lever)
     if lever.any():
@@ -204,18 +220,33 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
         force = force - np.cross(alpha, lever) - np.cross(omega, np.cross(omega, lever))
     attitude = None
     if all(name in numbers.names for name in _ATTITUDE):
-        attitude = np.radians(_columns(numbers, list(_ATTITUDE), "attitude"))
+        attitude = np.radians(_values(numbers, _places(numbers, _ATTITUDE, "attitude")))
     flight = make_flight(time, force, omega, numbers.path.stem, attitude)
-    return replace(flight, notes=numbers.notes)
+    return replace(flight, notes=numbers.notes, columns=columns)
 
 
-def _columns(numbers: Numbers, names: Sequence[str], what: str) -> Array:
-    """Return columns given by names or numbers, shape (N, len(names))."""
+def _with_proposal(error: InputError, path: str | Path) -> InputError:
+    """Return the error with a proposed mapping that was tried, if the file can be recognised."""
+    from sdt_drake.machine.cueing.flight_proposal import proposal
+
+    with suppress(InputError):  # no such file
+        proposed = proposal(find_file(path, "flight"))
+        return error if proposed is None else proposed.after(error)
+    return error
+
+
+def _places(numbers: Numbers, names: Sequence[str], what: str) -> list[int]:
+    """Return the places of columns given by names or numbers."""
     places = []
     for name in names:
         place = place_of(numbers, name)
         if place is None:
             raise missing_column(numbers, name, what)
         places.append(place)
-    numbers.check_finite(places)
+    return places
+
+
+def _values(numbers: Numbers, places: Sequence[int]) -> Array:
+    """Return columns, shape (N, len(places))."""
+    numbers.check_finite(places, or_else=OR_DROP)
     return np.asarray(numbers.data[:, places])

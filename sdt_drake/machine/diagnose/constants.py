@@ -118,7 +118,8 @@ MIN_STEP = 0.5  # [-] share of a step; limits that allow less end the learning
 
 # --- flights of aircraft -------------------------------------------------------------------------
 
-FORCES_IN_G = (0.5, 4.0)  # [m/s²] median of a force that is in g
-LEAST_G, MOST_G = 0.5, 2.0  # [G] that a tenth and nine tenths of a flight are above
+LEAST_G = 0.5  # [G] that nine tenths of a flight are above
+MOST_G = 2.5  # [G] that half of a flight is below
+ONE_DIRECTION = 0.5  # [-] mean force over mean size of the force
 MAX_RATE = 6.283185307179586  # [rad/s] largest angular rate
 MAX_MEAN_RATE = 1.0  # [rad/s] mean angular rate

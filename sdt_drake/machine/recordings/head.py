@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.formats import BINARY
 from sdt_drake.io.numbers import DAY, cell_value, header_cells, is_number, read_numbers
 from sdt_drake.machine.recordings.columns import DECIMALS, DELIMITERS
-from sdt_drake.machine.recordings.times import likely_factor
+from sdt_drake.machine.recordings.times import MIN_RATE, likely_factor
 
 _START = 65536  # bytes that are read
 _LINES = 200  # lines that are read
@@ -63,16 +63,16 @@ class Head:
         unit = self.units[self.names.index(name)] if self.units else ""
         return words_of(f"{name} {unit}")
 
-    def likely_time(self) -> dict[str, Any]:
+    def likely_time(self, least: float = MIN_RATE) -> dict[str, Any]:
         """Return the fields of a mapping for the most even time, with its unit.
 
         The unit is found by the name or by the steps. Without a time by its name, the first column
-        counts if its steps are even. Nothing without a time.
+        counts if its steps are even. Nothing without a time. The rate is at least `least` [Hz].
         """
         named = [x for x in self.names if re.search(_TIME, self.words(x))]
-        found = [x for name in named if (x := self._as_time(name)) is not None]
+        found = [x for name in named if (x := self._as_time(name, least)) is not None]
         if not found:
-            first = self._as_time(self.names[0])
+            first = self._as_time(self.names[0], least)
             found = [first] if first is not None and first[0] < _EVEN else []
         return min(found, key=lambda x: x[0])[1] if found else {}
 
@@ -87,7 +87,7 @@ class Head:
         more = self.columns[time["nanoseconds"]] if "nanoseconds" in time else np.zeros(len(values))
         return np.asarray(values + 1e-9 * (more - more[0]))
 
-    def _as_time(self, name: str) -> tuple[float, dict[str, Any]] | None:
+    def _as_time(self, name: str, least: float) -> tuple[float, dict[str, Any]] | None:
         """Return unevenness of a column's steps [-] and fields of a mapping; None for no time."""
         fields: dict[str, Any] = {"time": name}
         more = self._nanoseconds(name)
@@ -101,7 +101,7 @@ class Head:
         usual = float(np.median(steps))
         if not (more or self._is_date(name)):
             by_name = [x for unit, x in _TIME_UNITS.items() if re.search(unit, self.words(name))]
-            fields["time_factor"] = by_name[0] if by_name else likely_factor(usual)
+            fields["time_factor"] = by_name[0] if by_name else likely_factor(usual, least)
         return float(np.std(steps)) / usual, fields
 
     def _is_date(self, name: str) -> bool:
@@ -134,7 +134,7 @@ def read_head(path: Path, least: int) -> Head | None:
     for name in ("pipe", "semicolon", "tab", "comma", "space"):
         head = _table(lines[:-1], name, least)  # the last may be cut
         if head is not None:
-            return Head(style | head.style, head.names, head.rows)
+            return replace(head, style=style | head.style)
     return None
 
 

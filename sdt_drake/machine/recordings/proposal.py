@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings.columns import Columns, Layout
 from sdt_drake.machine.recordings.head import Head, read_head
 from sdt_drake.machine.recordings.joint_names import families
@@ -36,6 +37,12 @@ class Proposal:
     """The meaning as part of a sentence."""
     mapping: dict[str, Any]
     """Fields of a mapping that differ from the default."""
+
+    def after(self, error: InputError, reads: str = "") -> InputError:
+        """Return an error with the proposal, and what it reads, after its first problem."""
+        text = f"; {self.words}{reads}; as a mapping file (columns=...): {_in_a_line(self.mapping)}"
+        first, *others = error.problems
+        return InputError(first._replace(found=f"{first.found}{text}"), *others)
 
 
 def proposal(path: Path, joints: Sequence[str]) -> Proposal | None:
@@ -84,7 +91,7 @@ def differing(mapping: Mapping[str, Any], default: Layout) -> dict[str, Any]:
     return {name: x for name, x in mapping.items() if getattr(default, name) not in (x, [x])}
 
 
-def in_a_line(mapping: Mapping[str, Any]) -> str:
+def _in_a_line(mapping: Mapping[str, Any]) -> str:
     """Return a mapping in one line of YAML."""
     text = yaml.safe_dump(
         dict(mapping), default_flow_style=True, width=np.inf, sort_keys=False, allow_unicode=True

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -135,7 +136,7 @@ def recordings_of(
 
 def _with_proposal(error: InputError, path: Path, robot: Robot, needs: Sequence[str]) -> InputError:
     """Return the error with a proposed mapping that was tried, if the file can be recognised."""
-    from sdt_drake.machine.recordings.proposal import in_a_line, proposal
+    from sdt_drake.machine.recordings.proposal import proposal
 
     if not path.is_file():
         return error
@@ -144,13 +145,10 @@ def _with_proposal(error: InputError, path: Path, robot: Robot, needs: Sequence[
         if proposed is None:
             return error
         for more in ({}, {"drop_incomplete": True}):
-            mapping = proposed.mapping | more
+            tried = replace(proposed, mapping=proposed.mapping | more)
             with suppress(InputError):
-                read = read_recording(path, robot, Columns(**mapping), needs=needs)
-                text = f"; {proposed.words}: {_in_short(read)}; as a mapping file (columns=...): "
-                first, *others = error.problems
-                found = f"{first.found}{text}{in_a_line(mapping)}"
-                return InputError(first._replace(found=found), *others)
+                read = read_recording(path, robot, Columns(**tried.mapping), needs=needs)
+                return tried.after(error, f": {_in_short(read)}")
     return error
 
 

@@ -11,20 +11,29 @@ from sdt_drake.machine.recordings.columns import Layout
 from sdt_drake.machine.recordings.places import OR_DROP, missing, place_of
 from sdt_drake.machine.recordings.recorded import Recorded
 
-_MIN_RATE, _USUAL_RATE, _MAX_RATE = 5.0, 300.0, 1e5  # sample rates of robots [Hz]
+MIN_RATE = 5.0
+"""Slowest rate of a robot's recorder [Hz]."""
+
+_USUAL_RATE, _MAX_RATE = 300.0, 1e5  # Hz
+_SLOW, _MIN_SECONDS = (0.5, 2.0), 3.0  # [Hz] of slow logs; [s] shortest one in another unit
 _UNITS = {1e-9: "nanoseconds", 1e-6: "microseconds", 1e-3: "milliseconds", 1.0: "seconds",
           60.0: "minutes", 3600.0: "hours", 86400.0: "days"}  # fmt: skip
 _MIN_LENGTH, _MAX_LENGTH = 0.5, 10.0  # duration of a recording over that of its motion
 
 
-def times_of(numbers: Numbers, columns: Layout) -> Array:
+def times_of(numbers: Numbers, columns: Layout, least: float = MIN_RATE) -> Array:
     """Return the times of the rows, from 0 [s].
+
+    Args:
+        numbers: The file.
+        columns: Its mapping.
+        least: Slowest rate of its recorder [Hz].
 
     Raises:
         InputError: Times are missing, do not grow, or have steps that are not those of a recorder.
     """
     time = _times(numbers, columns)
-    _check_rate(numbers.path, columns, time)
+    _check_rate(numbers.path, columns, time, least)
     return time
 
 
@@ -34,9 +43,9 @@ def places_of_time(numbers: Numbers, columns: Layout) -> list[int]:
     return [place for place in places if place is not None]
 
 
-def likely_factor(step: float) -> float:
+def likely_factor(step: float, least: float) -> float:
     """Return the likely unit [s] of times with this step: 1 if the rate is that of a recorder."""
-    if _MIN_RATE <= 1 / step <= _MAX_RATE:
+    if least <= 1 / step <= _MAX_RATE:
         return 1.0
     return min(_UNITS, key=lambda x: abs(np.log(x * step * _USUAL_RATE)))
 
@@ -82,10 +91,13 @@ def _times(numbers: Numbers, columns: Layout) -> Array:
     return time
 
 
-def _check_rate(path: Path, columns: Layout, time: Array) -> None:
-    """Refuse a rate that is not that of a recorder; the error gives a likely setting."""
+def _check_rate(path: Path, columns: Layout, time: Array, least: float) -> None:
+    """Refuse a rate that is not that of a recorder; the error gives a likely setting.
+
+    Logs of 0.5 to 2 Hz are usual; another unit is likely only if they last some seconds in it.
+    """
     rate = 1 / float(np.median(np.diff(time)))
-    if _MIN_RATE <= rate <= _MAX_RATE:
+    if least <= rate <= _MAX_RATE:
         return
     if columns.rate is not None:  # perhaps in kHz, or a period
         hints = {x: f"rate: {x:g}" for x in (1e3 * rate, 1e-3 * rate, 1 / rate)}
@@ -96,10 +108,11 @@ def _check_rate(path: Path, columns: Layout, time: Array) -> None:
             for x, unit in _UNITS.items()
         }
     better = min(hints, key=lambda x: abs(np.log(x / _USUAL_RATE)))
-    is_likely = _MIN_RATE <= better <= _MAX_RATE
+    is_slow = _SLOW[0] <= rate <= _SLOW[1] and len(time) < _MIN_SECONDS * better
+    is_likely = MIN_RATE <= better <= _MAX_RATE and not is_slow
     raise InputError(
         f"{path}: {columns.time or 'rate'}: {len(time)} samples in {time[-1]:.4g} s, "
-        f"{rate:.4g} Hz, expected {_MIN_RATE:g} to {_MAX_RATE:g} Hz"
+        f"{rate:.4g} Hz, expected {least:g} to {_MAX_RATE:g} Hz"
         + f"; {hints[better]} in the mapping file (columns=...)"
         * is_likely
     )
@@ -122,7 +135,7 @@ def other_unit(recorded: Recorded, moving: float) -> str:
     )
     factor = min(_UNITS, key=lambda x: abs(np.log(x * lasts / moving)))
     fits = _MIN_LENGTH <= factor * lasts / moving <= _MAX_LENGTH
-    is_likely = fits and _MIN_RATE <= 1 / (factor * step) <= _MAX_RATE
+    is_likely = fits and MIN_RATE <= 1 / (factor * step) <= _MAX_RATE
     if factor == recorded.time_factor or not is_likely:
         return ""
     return (
