@@ -6,8 +6,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.formats import in_json
@@ -17,12 +15,13 @@ from sdt_drake.paper.claims import Claim, judge_claims
 from sdt_drake.paper.diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.paper.published import FIGURE4
 from sdt_drake.paper.report import FILES as REPORT_FILES
-from sdt_drake.paper.report import RECORDING, SUMMARY, write_report
+from sdt_drake.paper.report import PLOTS, RECORDING, SUMMARY, write_report
 from sdt_drake.paper.reproduction import Reproduction, Stopwatch, table1_rows
 from sdt_drake.pilot.thresholds import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.robot.dynamics import effective_inertia
 from sdt_drake.show.figures import runs as plots
-from sdt_drake.show.style import pictures, save_both
+from sdt_drake.show.panels import Plots
+from sdt_drake.show.style import Picture, pictures, save_both
 from sdt_drake.show.view3d.viewer import record_html
 
 FILES = (
@@ -31,6 +30,7 @@ FILES = (
     *pictures("figure2", "figure4", "figure7", "figure8", "coupled_errors", "controllers"),
     *(f"diagrams/{name}.{suffix}" for name in DIAGRAMS for suffix in ("dot", "svg")),
     SUMMARY,
+    PLOTS,
     RECORDING,
     *REPORT_FILES,
 )
@@ -53,8 +53,11 @@ def _write(
             results.axis(name).recording.save(folder / f"axis_{name}.csv")
             results.coupled(name).recording.save(folder / f"coupled_{name}.csv")
     with watch.stage("figures"):
+        plots_of_page = {}
         for name, figure in figures(results).items():
             save_both(figure, folder / name)
+            plots_of_page[name] = Plots(figure.columns).data()
+        write_text(folder / PLOTS, json.dumps(plots_of_page))
     with watch.stage("block diagrams"):
         for name in DIAGRAMS:
             write_block_diagram(name, results.design, folder / "diagrams")
@@ -92,7 +95,7 @@ def write_reference_motion(results: Reproduction, path: Path) -> None:
     write_table(path, motion.time, columns)
 
 
-def figures(results: Reproduction) -> dict[str, Figure]:
+def figures(results: Reproduction) -> dict[str, Picture]:
     """Draw the figures of the paper's runs, by file name."""
     motion, names = results.design.reference.tracked, results.design.device.simulated.joint_names
     axis, coupled = (

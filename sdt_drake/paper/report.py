@@ -17,11 +17,12 @@ from sdt_drake.paper import tables
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.pilot.reported import LEGEND, Judged, verdict_of_all
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, written
+from sdt_drake.show.panels import Stored
 from sdt_drake.show.reports.perception import reported_notes, reported_table
-from sdt_drake.show.sections import Box, Marked, Page, Section, Table, bullets, said, tiles
+from sdt_drake.show.sections import Marked, Page, Row, Rows, Section, Table, bullets, said, tiles
 
 TEXTS = Path(__file__).with_name("texts")
-RECORDING, SUMMARY = "device.html", "summary.json"
+RECORDING, SUMMARY, PLOTS = "device.html", "summary.json", "plots.json"
 FILES = ("table1.md", MARKDOWN, REPORT)
 """Files of a report, all of them written or none."""
 
@@ -74,8 +75,9 @@ def write_report(folder: Path, studies: Sequence[Section] = ()) -> Path:
         InputError: if a file is missing or cannot be used; nothing is written then.
     """
     with _advice(folder):
-        summary = _read_summary(folder / SUMMARY)
+        summary, plots = (_read_json(folder / name) for name in (SUMMARY, PLOTS))
         shown = _values(summary, has_device=(folder / RECORDING).exists())
+        shown |= {f"{name}.png": Stored(data) for name, data in plots.items()}
         report = written("report", shown, TEXTS, symbols=True)
         values = [one for one in report.sections if one.title in ("Table 1", "Provenance")]
         report = replace(report, sections=[*report.sections, *studies])
@@ -104,7 +106,7 @@ def _advice(folder: Path) -> Iterator[None]:
     raise InputError(f"{message}; recompute the paper into {folder} first")
 
 
-def _read_summary(path: Path) -> tables.Json:
+def _read_json(path: Path) -> tables.Json:
     if not path.exists():
         raise InputError(f"{path}: is missing")
 
@@ -193,7 +195,8 @@ def _values(summary: tables.Json, *, has_device: bool) -> dict[str, Any]:
             (n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()
         ),
         "device": [turn, Page(RECORDING, "Load the 3D recording")] if has_device else [],
-        "claims": list(map(_claim, claims)),
+        "claims": Rows(["claim", "place", "published", "computed", "verdict"],
+                       list(map(_claim, claims))),
         "table1": tables.inertia_table(summary["table1"]),
         "steps": tables.steps_table(summary["step_response"]),
         "run_speeds": tables.runs_table(tables.RUN, cells, runs, _SPEEDS),
@@ -220,13 +223,8 @@ _SPEEDS = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
 _POSITION = "max_abs_position_error"
 
 
-def _claim(claim: tables.Json) -> Box:
-    verdict, place = claim["verdict"], claim.get("place", "")
-    blocks = [
-        said("{} **{}** {:code}", LOOKS[verdict][1], verdict, claim["id"]),
-        said("### {}", claim["statement"]),
-        *([place] if place else []),
-        tables.value_table(claim),
-        claim["why"],
-    ]
-    return Box("article", blocks, f' class="claim" data-verdict="{verdict}"')
+def _claim(claim: tables.Json) -> Row:
+    verdict, (look, sign) = claim["verdict"], LOOKS[claim["verdict"]]
+    values = [tables.in_a_cell(claim[name]) for name in ("published", "computed")]
+    cells = [claim["statement"], claim.get("place", ""), *values, f"{sign} {verdict}"]
+    return Row(cells, [tables.value_table(claim), claim["why"]], verdict, look)

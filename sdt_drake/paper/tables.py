@@ -45,6 +45,18 @@ def _value_rows(name: str, value: object) -> list[tuple[str, list[str]]]:
     return [(name, [_listed(x) for x in (value if isinstance(value, list) else [value])])]
 
 
+def in_a_cell(value: object) -> str:
+    """Return a value of a claim as a short text; values of several kinds are only in its table."""
+    if isinstance(value, dict):
+        parts = list(value.values())
+        nested = any(isinstance(part, (dict, list)) for part in parts)
+        return "in its table" if nested else ", ".join(map(in_a_cell, parts))
+    if isinstance(value, list):
+        return ", ".join(map(in_a_cell, value))
+    is_number = isinstance(value, float) and math.isfinite(value)
+    return f"{float(f'{value:.4g}'):g}" if is_number else _listed(value)
+
+
 def _listed(value: object) -> str:
     """Return a value of the summary as text."""
     if value is None:

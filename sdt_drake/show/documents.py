@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # only commands that write a report need these
     from markdown_it import MarkdownIt
     from matplotlib.figure import Figure
 
-    from sdt_drake.show.panels import Plots
+    from sdt_drake.show.panels import Plots, Stored
 
 REPORT, MARKDOWN = "report.html", "report.md"
 
@@ -146,13 +146,13 @@ def _within(blocks: Iterable[doc.Block]) -> Iterator[doc.Block]:
             yield from _within(block.blocks)
 
 
-def _save(content: Figure | Plots, path: Path) -> None:
-    from sdt_drake.show.panels import Plots, picture
+def _save(content: Figure | Plots | Stored, path: Path) -> None:
+    from sdt_drake.show.panels import Plots, Stored, picture
     from sdt_drake.show.style import save, save_both
 
     if isinstance(content, Plots):
         save(picture("", content.columns), path)
-    else:
+    elif not isinstance(content, Stored):
         save_both(content, path)
 
 
@@ -170,6 +170,10 @@ def _markdown(block: doc.Block) -> str:
         case doc.Box(tag, blocks, attributes, head):
             inner = map(_markdown, blocks)
             return "\n\n".join([f"<{tag}{attributes}>{head}", *inner, f"</{tag}>"])
+        case doc.Rows(_, rows):
+            titles = [" · ".join([row.cells[-1], *row.cells[:2]]) for row in rows]
+            folded = [doc.details(t, *row.blocks) for t, row in zip(titles, rows, strict=True)]
+            return "\n\n".join(map(_markdown, folded))
         case _:
             return doc.marked(block)
 
@@ -250,6 +254,8 @@ class _Page:
                 return _part("embedded", button=_Html(self.inline(button)), text=text)
             case doc.Box(tag, blocks, attributes, head):
                 return f"<{tag}{attributes}>{head}\n{self.blocks(blocks)}</{tag}>\n"
+            case doc.Rows():
+                return self._rows(block)
             case _:
                 return self.parser.render(doc.marked(block))
 
@@ -269,6 +275,20 @@ class _Page:
         title = f"<h3>{self.inline(table.title)}</h3>\n" if table.title else ""
         whole = "\n".join([*lines, "</tbody>"])
         return f'{title}<div class="scroll" tabindex="0"><table>\n{whole}\n</table></div>\n'
+
+    def _rows(self, table: doc.Rows) -> str:
+        names = "".join(f"<span>{self.inline(name)}</span>" for name in table.header)
+        lines = [f'<div class="rows"><div class="row" aria-hidden="true">{names}</div>']
+        for row in table.rows:
+            cells = [
+                f'<span data-name="{html.escape(name)}"><span>{self.inline(cell)}</span></span>'
+                for name, cell in zip(table.header, row.cells, strict=True)
+            ]
+            cells[-1] = cells[-1].replace("<span>", f'<span class="{row.look}">')
+            summary = f'<summary class="row">{"".join(cells)}</summary>'
+            verdict = f'data-verdict="{html.escape(row.verdict)}"'
+            lines += [f"<details {verdict}>{summary}", self.blocks(row.blocks), "</details>"]
+        return "\n".join([*lines, "</div>\n"])
 
     def _text(self, words: str) -> str:
         text = re.sub(r"\[.{,9}\]", lambda unit: unit[0].replace(" ", "\u00a0"), html.escape(words))

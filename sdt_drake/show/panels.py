@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array, Index
-from sdt_drake.show.style import Look, finish, grid, joint_title, style
+from sdt_drake.show.style import Look, Picture, finish, grid, joint_title, style
 
 _NAME = 0.15  # height of a line's name [inch]
 
@@ -112,7 +111,7 @@ def over_time(
     return panels
 
 
-def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.4) -> Figure:
+def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.4) -> Picture:
     """Draw columns with equal numbers of panels; the panels of a column share their time axis.
 
     Args:
@@ -128,6 +127,7 @@ def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.
             for ax, panel in zip(column, panels, strict=True):
                 draw(ax, panel)
             column[-1].set_xlabel(panels[-1].x_label)
+        figure.columns = columns
         return finish(figure, title)
 
 
@@ -194,7 +194,7 @@ class Plots:
     """Plots that a page shows with zoom and values at the cursor, and Markdown as a picture."""
 
     columns: Sequence[Sequence[Panel]]
-    """Columns with equal numbers of panels. A page places the panels in this order."""
+    """Columns with equal numbers of panels; those of a single column or row fill a page's width."""
 
     def data(self) -> dict[str, object]:
         """Return the data that plots.js draws."""
@@ -205,7 +205,8 @@ class Plots:
             return arrays.setdefault(text, len(arrays))
 
         panels = []
-        for panel in (panel for column in self.columns for panel in column):
+        beside = [(panel, row[0]) for row in zip(*self.columns, strict=True) for panel in row]
+        for panel, first in beside:
             rows = panel.kept()
             lines = [
                 {
@@ -219,7 +220,8 @@ class Plots:
             ]
             panels.append(
                 {
-                    "title": panel.title,
+                    "title": panel.title or first.title,
+                    "note": panel.note,
                     "x_label": panel.x_label,
                     "y_label": panel.y_label,
                     "x": number(panel.x[rows]),
@@ -227,4 +229,16 @@ class Plots:
                     "marked": panel.spans(),
                 }
             )
-        return {"arrays": list(arrays), "panels": panels}
+        columns = len(self.columns) if len(self.columns[0]) > 1 else 1
+        return {"arrays": list(arrays), "panels": panels, "columns": columns}
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """The data of plots, from a file; their picture is a file, too."""
+
+    content: dict[str, object]
+
+    def data(self) -> dict[str, object]:
+        """Return the data that plots.js draws."""
+        return self.content

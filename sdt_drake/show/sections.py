@@ -19,7 +19,7 @@ from sdt_drake.io.shown import formatted
 if TYPE_CHECKING:  # tables of commands need no figures
     from matplotlib.figure import Figure
 
-    from sdt_drake.show.panels import Plots
+    from sdt_drake.show.panels import Plots, Stored
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -141,8 +141,8 @@ class Picture:
     name: str
     """The path of the picture in Markdown, from the folder of the report; pages have the .svg."""
     caption: str
-    content: Figure | Plots | None = None
-    """Plots are interactive on a page. None stands for a file."""
+    content: Figure | Plots | Stored | None = None
+    """Plots are interactive on a page. None stands for a file, and so does Stored for Markdown."""
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,28 @@ class Box:
     """HTML before the blocks."""
 
 
-Block = str | Table | Picture | Page | Box
-"""A part of a section: paragraphs, a table, a picture, a page, or a box of them."""
+@dataclass(frozen=True)
+class Row:
+    """A row of a table that opens to blocks."""
+
+    cells: Sequence[str]
+    """The texts of the row; the last one is coloured."""
+    blocks: Sequence[Block]
+    verdict: str
+    look: str
+    """Class of page.css, which colours the last cell."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A table whose rows open; in Markdown, parts that are folded."""
+
+    header: Sequence[str]
+    rows: Sequence[Row]
+
+
+Block = str | Table | Picture | Page | Box | Rows
+"""A part of a section: paragraphs, tables, a picture, a page, or a box of them."""
 
 
 @dataclass(frozen=True)

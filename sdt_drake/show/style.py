@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import matplotlib
 import numpy as np
@@ -31,6 +31,7 @@ _LOOK = Path(__file__).with_name("templates") / "figures.mplstyle"
 _STYLE = matplotlib.rc_params_from_file(_LOOK, use_default_template=False)
 _FILE_BACKENDS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 _LEGEND_ROW = 0.2  # height [inch]
+_Figure = TypeVar("_Figure", bound=Figure)
 _MIN_PLAIN = 3e-3  # axes with smaller values have a power of ten in their unit
 
 
@@ -91,6 +92,9 @@ def looks_of(labels: Sequence[str]) -> list[Look]:
 class Picture(Figure):
     """A figure that a notebook shows without `%matplotlib inline`."""
 
+    columns: Sequence[Sequence[Any]] = ()
+    """The panels that were drawn, by which a page shows the figure with zoom."""
+
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
         with style():
@@ -120,7 +124,7 @@ def grid(
     bottom: float = 0.85,
     top: float = 0.65,
     sharex: bool | Literal["col"] = True,
-) -> tuple[Figure, NDArray[np.object_]]:
+) -> tuple[Picture, NDArray[np.object_]]:
     """Make a figure and its axes, shape (rows, columns).
 
     All sizes are fixed [inch]: matplotlib's automatic layout takes a second.
@@ -156,7 +160,7 @@ def grid(
     return figure, axes
 
 
-def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> Figure:
+def finish(figure: _Figure, title: str, handles: Sequence[Artist] | None = None) -> _Figure:
     """Add a title above a figure and a legend below it, and return the figure.
 
     A legend of several rows makes the figure higher.

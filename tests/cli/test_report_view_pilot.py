@@ -66,7 +66,8 @@ def test_unsettled_response_has_a_dash(folder):
     [
         ("summary.json", "$", "x", "summary.json: is not JSON"),
         ("summary.json", '"claims"', '"claim"', "has no 'claims'"),
-        ("figure2.svg", "</svg>", "", "figure2.svg: is not an SVG"),
+        ("controllers.svg", "</svg>", "", "controllers.svg: is not an SVG"),
+        ("plots.json", "{", "x", "plots.json: is not JSON"),
     ],
 )
 def test_broken_input_is_named_and_the_old_report_stays(folder, name, old, new, problem):

@@ -1,5 +1,6 @@
 """The paper recomputed: its numbers, and what its report says."""
 
+import base64
 import json
 import re
 from pathlib import Path
@@ -183,6 +184,19 @@ def test_reference_torque_groups_add_up(reproduced, reproduction):
 
 
 # --- files -----------------------------------------------------------------------------------
+
+
+def test_plots_of_the_report_are_the_runs_and_come_before_the_claims(reproduced, reproduction):
+    plots = json.loads((reproduced / "plots.json").read_text(encoding="utf-8"))
+    arrays, panels = plots["figure8"]["arrays"], plots["figure8"]["panels"]
+    for k, panel in enumerate(panels):
+        for line, name in zip(panel["lines"], ("pi", "pi_ctc"), strict=True):
+            shown = np.frombuffer(base64.b64decode(arrays[line["values"]]), "<f4")
+            error = reproduction.axis(name).recording.speed_error[:, k]
+            np.testing.assert_array_equal(shown, error.astype("<f4"))
+    text = (reproduced / "report.md").read_text(encoding="utf-8")
+    read = ("## Summary", 'class="tiles"', "figure8.png", "figure7.png", "## Device", "## Claims")
+    assert sorted(read, key=text.index) == list(read)
 
 
 def test_reproduce_writes_exactly_its_files(reproduced):

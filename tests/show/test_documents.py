@@ -49,6 +49,7 @@ def folder(tmp_path_factory):
 
 WORDS = doc.Table(["", "a|b"], [["row", "1 | 2"]], "Of words")
 NUMBERS = doc.spread(["name", "A", "speed"], [["x", "–", ["1.5", "2.5"]]])
+ROW = doc.Row(["I_eff < 1", "Table 1", "✓ yes"], ["why"], "yes", "good")
 BLOCKS = [
     doc.said("One **bold**, *slanted*, {:code} of K_IS", "c_o*d*e"),
     doc.tiles([(3, "good ones", "good")]),
@@ -58,6 +59,7 @@ BLOCKS = [
     doc.Picture("b.png", "Another"),
     doc.details("More & more", "inside"),
     doc.Page("device.html", "Load it"),
+    doc.Rows(["claim", "place", "verdict"], [ROW]),
 ]
 REPORT = Report("Title", ["lead"], [doc.Section("Main", BLOCKS)])
 
@@ -82,6 +84,9 @@ def test_blocks_become_markdown():
         "inside",
         "</details>",
         "[Load it](device.html)",
+        "<details><summary>✓ yes · I_eff &lt; 1 · Table 1</summary>",
+        "why",
+        "</details>",
     ]
 
 
@@ -101,6 +106,8 @@ def test_blocks_become_a_page(folder):
         base64.b64encode(SVG.encode()).decode(),
         "<details><summary>More &amp; more</summary>\n<p>inside</p>\n</details>",
         '<button type="button" hidden>Load it (0.0 MB',
+        '<details data-verdict="yes"><summary class="row"><span data-name="claim"><span>I_eff &lt;',
+        '<span data-name="verdict"><span class="good">✓ yes</span></span></summary>\n<p>why</p>\n',
     ):
         assert part in page, part
     assert "<p></p>" not in page and "uPlot" not in page
@@ -125,6 +132,7 @@ def places(x):
         doc.Page("device.html", x),
         doc.details(x, doc.fenced(x)),
         doc.joined([x, x]),
+        doc.Rows([x, x], [doc.Row([x, x], [x], x, "good")]),
     ]
     return Report(x, [x, doc.said("{} first", x)], [doc.Section(x, blocks)])
 
@@ -189,7 +197,8 @@ def page(reproduced, tmp_path_factory):
     (folder / "diagrams").mkdir()
     for path in [*reproduced.glob("*.svg"), *reproduced.glob("diagrams/*")]:
         (folder / path.relative_to(reproduced)).symlink_to(path)
-    (folder / "summary.json").symlink_to(reproduced / "summary.json")
+    for path in reproduced.glob("*.json"):
+        (folder / path.name).symlink_to(path)
     (folder / "device.html").write_text(HELLO, encoding="utf-8")
     return write_report(folder)
 
@@ -209,7 +218,7 @@ def test_page_loads_nothing_from_elsewhere(page):
 
 def test_page_filter_theme_and_recording_work_without_errors(open_page, page):
     with open_page(page) as (tab, errors, requests):
-        shown = tab.locator("article:visible")
+        shown = tab.locator(".rows details:visible")
         everything = shown.count()
         by_verdict = {}
         for verdict in VERDICTS:
@@ -223,9 +232,11 @@ def test_page_filter_theme_and_recording_work_without_errors(open_page, page):
         assert sum(by_verdict.values()) == everything and 0 not in by_verdict.values()
         tab.locator(".filter button").first.click()
         assert shown.count() == everything
-        # Figures are drawn, by themselves.
+        # Figures are drawn, by themselves; those of the paper's runs have zoom.
         sizes = tab.locator("figure img").evaluate_all("all => all.map(i => i.naturalWidth)")
         assert len(sizes) >= 6 and min(sizes) > 100
+        ends = [plot.split()[-1] for plot in tab.locator(".plots h4").all_inner_texts() if plot]
+        assert ends.count("yaw") == 3 + 1 + 1 + 1  # Figure 2 has three for each joint
 
         assert tab.locator("iframe").count() == 0
         tab.locator(".recording button").click()
@@ -248,12 +259,15 @@ def test_page_has_contrast_in_both_themes_any_width_and_print(open_page, page):
         for width in (320, 375, 768):
             tab.set_viewport_size({"width": width, "height": 800})
             assert tab.evaluate(WIDTH) == width
-        claims = tab.locator("article").count()
+        claims = tab.locator(".rows details").count()
         tab.locator(".filter button").nth(1).click()
         tab.locator("#theme").click()
         tab.set_viewport_size({"width": 703, "height": 800})  # A4 less margins, at 96 dpi
         tab.emulate_media(media="print")
-        assert tab.locator("article:visible").count() == claims
+        assert tab.locator(".rows details:visible").count() == claims
+        assert tab.locator(".rows details > table, .rows details p:visible").count() == 0
+        tab.evaluate("dispatchEvent(new Event('beforeprint'))")  # every reason is printed
+        assert tab.locator(".rows details > p:visible").count() >= claims
         assert tab.locator("button:visible, nav:visible, .recording:visible").count() == 0
         assert tab.evaluate(WIDTH) == 703  # no table or figure is cut
         cut = "all => all.filter(e => e.scrollWidth > e.clientWidth + 1).length"
@@ -264,7 +278,7 @@ def test_page_has_contrast_in_both_themes_any_width_and_print(open_page, page):
 
 def test_page_without_scripts_lacks_only_buttons(open_page, page):
     with open_page(page, javascript=False, dark=True) as (tab, errors, _):
-        assert tab.locator("article:visible").count() > 20
+        assert tab.locator(".rows details:visible").count() > 20
         assert tab.locator("button:visible").count() == 0
         assert max(map(int, re.findall(r"\d+", tab.evaluate(GROUND)))) < 128
         assert errors == []

@@ -31,7 +31,7 @@ from sdt_drake.show import style
 from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401
 from sdt_drake.show.figures.scope import MOTOR_TORQUE
 from sdt_drake.show.figures.scope import scope as scope
-from sdt_drake.show.panels import LIMIT, over_time, picture
+from sdt_drake.show.panels import LIMIT, Line, Panel, over_time, picture
 from sdt_drake.show.style import Look
 
 _MAX_LISTED = 4  # joints; above a panel is no room for more numbers
@@ -42,7 +42,7 @@ _MIN_ROOM = 0.005  # share of an inertia, so that round-off does not fill a pane
 
 
 @typed
-def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figure:
+def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> style.Picture:
     """Draw position, speed and acceleration of a motion, a row for each joint."""
     columns = (
         ("position [deg]", np.degrees(motion.q), joint_names),
@@ -50,18 +50,23 @@ def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figu
         ("acceleration [rad/s²]", motion.vd, ()),
     )
     look = style.LOOKS["reference"]
-    panels = [over_time(label, motion.time, [("", look, x)], names) for label, x, names in columns]
+    panels = [
+        over_time(label, motion.time, [("_reference", look, x)], names)
+        for label, x, names in columns
+    ]
     return picture(title, panels, width=2.5)
 
 
 @typed
-def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
+def step_responses(title: str, steps: Mapping[str, StepResponse]) -> style.Picture:
     """Draw step responses of the speed loop by name, with their metrics (Figure 4)."""
     names = {1.0: "PI on the error", 0.0: "I-P"}
+    at = max((step.time for step in steps.values()), key=len)
     with style.style():
         figure = style.Picture(figsize=(6.4, 4), layout="constrained")
         ax = figure.subplots()
         ax.axhspan(0.98, 1.02, color="0.9", label="±2 %")
+        lines = []
         for step in steps.values():
             m, b = step.metrics, step.setpoint_weight
             name = names.get(b, f"set-point weight {b:g}")
@@ -70,13 +75,16 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
                 f"{name}, ζ = {step.zeta:g}: rise {rise} s, settling {settling} s, "
                 f"overshoot {m.overshoot_percent:.2f} %"
             )
-            ax.plot(step.time, step.speed, color=style.PALETTE[round(6 - 5 * b)], label=label)
+            colour = style.PALETTE[round(6 - 5 * b)]
+            ax.plot(step.time, step.speed, color=colour, label=label)
+            lines.append(Line(name, Look(colour), np.interp(at, step.time, step.speed)))
         # Twice the settling time, or all of a response that does not settle (NaN).
         end = max(np.fmin(2 * x.metrics.settling_time, x.time[-1]) for x in steps.values())
         ax.set(xlim=(0, end), ylim=(0, None), xlabel="time [s]", ylabel="motor speed [rad/s]")
         ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
         ax.legend(loc="upper left", fontsize=8)
         ax.set_title(title)
+    figure.columns = [[Panel("", "time [s]", "motor speed [rad/s]", at, lines)]]
     return figure
 
 
@@ -97,7 +105,7 @@ def loop_step(response: LoopStep) -> Figure:
 
 
 @typed
-def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> Figure:
+def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> style.Picture:
     """Draw joint speeds of runs and their reference, a panel for each joint (Figure 7)."""
     first = next(iter(runs.values()))
     lines = [("reference", style.LOOKS["reference"], first.v_ref)]
@@ -108,7 +116,7 @@ def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]
 @typed
 def speed_errors(
     title: str, runs: Mapping[str, Recording], joint_names: Sequence[str], motion: Motion
-) -> Figure:
+) -> style.Picture:
     """Draw speed errors of runs, a panel for each joint (Figure 8).
 
     Args:

@@ -14,8 +14,11 @@ theme.addEventListener("click", () => {
 systemDark.addEventListener("change", nameTheme);
 nameTheme();
 
-// A filter of the claims by verdict, if there are claims.
-const claims = [...document.querySelectorAll(".claim")];
+// A filter of the claims by verdict, if there are claims. All of them are open in print.
+const claims = [...document.querySelectorAll(".rows details")];
+let opened = [];
+addEventListener("beforeprint", () => { opened = claims.filter((claim) => !claim.open); for (const claim of opened) claim.open = true; });
+addEventListener("afterprint", () => { for (const claim of opened) claim.open = false; });
 if (claims.length) {
   const filter = document.createElement("div");
   const shown = document.createElement("p");
@@ -24,7 +27,7 @@ if (claims.length) {
   filter.setAttribute("aria-label", "Claims shown");
   shown.className = "shown";
   shown.setAttribute("role", "status");
-  claims[0].before(filter, shown);
+  claims[0].parentElement.before(filter, shown);
   for (const verdict of ["", ...new Set(claims.map((claim) => claim.dataset.verdict))]) {
     const chosen = claims.filter((claim) => !verdict || claim.dataset.verdict === verdict);
     const button = filter.appendChild(document.createElement("button"));

@@ -49,6 +49,7 @@
   const draw = (place, panel, arrays) => {
     const title = place.appendChild(document.createElement("h4"));
     title.textContent = panel.title;
+    if (panel.note) title.insertAdjacentElement("afterend", document.createElement("small")).textContent = panel.note;
     const x = arrays[panel.x];
     const ends = `${x[0]} ${x[x.length - 1]}`;
     const value = (_, number) => short(number);
@@ -99,13 +100,14 @@
   };
 
   for (const figure of document.querySelectorAll(".plots")) {
-    const { arrays: texts, panels } = JSON.parse(figure.querySelector("script").textContent);
+    const { arrays: texts, panels, columns } = JSON.parse(figure.querySelector("script").textContent);
     const arrays = texts.map(numbers);
     const bar = figure.appendChild(document.createElement("div"));
     const grid = figure.appendChild(document.createElement("div"));
     bar.className = "bar";
     bar.appendChild(document.createElement("span")).textContent = "drag across a plot to zoom, double-click for everything";
-    grid.className = "grid";
+    grid.className = columns > 1 ? "grid beside" : "grid";
+    grid.style.setProperty("--columns", columns);
     const charts = panels.map((panel) => draw(grid.appendChild(document.createElement("div")), panel, arrays));
     for (const [text, factor, shift] of [["+", 0.5, 0], ["−", 2, 0], ["◀", 1, -0.25], ["▶", 1, 0.25], ["all", Infinity, 0]]) {
       const button = bar.appendChild(document.createElement("button"));
@@ -124,9 +126,10 @@
   addEventListener("resize", fit);
   addEventListener("beforeprint", () => {
     printing = true;
-    for (const [place, chart] of all) { // the width of the page, two joints on each
-      const whole = place.matches(".grid > :only-child, .grid > :last-child:nth-child(odd)");
-      chart.setSize({ width: whole ? 690 : 340, height: 112 });
+    for (const [place, chart] of all) { // the width of the page, two joints on each, or all columns
+      const columns = Number(place.parentElement.style.getPropertyValue("--columns"));
+      const whole = columns === 1 && place.matches(".grid > :only-child, .grid > :last-child:nth-child(odd)");
+      chart.setSize({ width: whole ? 690 : Math.floor(690 / Math.max(columns, 2)) - 5, height: 112 });
     }
     paint();
   });
