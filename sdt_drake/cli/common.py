@@ -144,6 +144,42 @@ class Given:
     trust: Trust = False
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Held:
+    """Options of commands that read the file of a robot."""
+
+    hold: Annotated[
+        str,
+        Parameter(
+            metavar="JOINT[=POSITION],...",
+            show_default=False,
+            help="joints whose links are welded, such as a gripper's, at 0 or at POSITION [rad, m]",
+        ),
+    ] = ""
+    tip: Annotated[
+        str,
+        Parameter(
+            metavar="LINK",
+            show_default=False,
+            help="link that ends the chain; all joints beside and beyond it are held",
+        ),
+    ] = ""
+
+    @property
+    def words(self) -> list[str]:
+        """The options that are given, as words of a command."""
+        return [
+            word for name, value in vars(self).items() if value for word in (f"--{name}", value)
+        ]
+
+    def load(self, robot: str | None) -> "RobotModel":
+        """Load a robot by file or name, the shipped device by default, with what is held."""
+        from sdt_drake.robot.robot import load_robot
+
+        return load_robot(robot or ROBOT, hold=self.hold, tip=self.tip)
+
+
 Integer = Annotated[int, Parameter(converter=_whole)]
 Target = Annotated[Path, Parameter(converter=_path)]
 OptionalTarget = Annotated[Path | None, Parameter(converter=_path)]
@@ -173,7 +209,7 @@ def refuse(why: str, **given: Any) -> None:
     `why` is the message: it has no effect here, and what is accepted.
     """
     for name, value in given.items():
-        if all(value is not nothing for nothing in (None, False, ())):
+        if all(value is not nothing for nothing in (None, False, ())) and value != "":
             option = "set" if name == "changes" else name.replace("_", "-")
             raise InputError(f"--{option}: {why}")
 

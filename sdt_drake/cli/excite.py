@@ -4,9 +4,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Out, Robot, number
+from sdt_drake.cli.common import Held, Out, Robot, number
 from sdt_drake.cli.printing import echo, print_joints
 from sdt_drake.io.arguments import whole_periods
 
@@ -22,6 +21,7 @@ def run(
     acceleration: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
     noise: Annotated[float | None, number(gt=0, lte=1)] = None,
     out: Out = None,
+    held: Held = Held(),
 ) -> None:
     """Find a motion that identifies a robot best, and predict how well it does.
 
@@ -50,7 +50,7 @@ def run(
     if out is not None:
         common.check_file(out, (".yaml", ".yml"))
     margin, noise = margin or MARGIN, noise or NOISE
-    model = sdt.load_robot(robot)
+    model = held.load(robot)
     gently = 1.0
     target = Target.everything(model, noise)
     if only is not None:

@@ -7,7 +7,17 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Columns, Cutoff, OutFolder, Robot, Side, Trust, number, one_of
+from sdt_drake.cli.common import (
+    Columns,
+    Cutoff,
+    Held,
+    OutFolder,
+    Robot,
+    Side,
+    Trust,
+    number,
+    one_of,
+)
 from sdt_drake.cli.printing import echo, print_document_table
 
 
@@ -26,6 +36,7 @@ def run(
     cutoff: Cutoff = None,
     scenario: Annotated[str | None, one_of("scenario")] = None,
     trust: Trust = False,
+    held: Held = Held(),
 ) -> None:
     """Identify the parameters of a robot from recordings, and write the identified robot.
 
@@ -55,7 +66,7 @@ def run(
     if only != "payload":
         common.refuse("has an effect with --only payload only", payload=payload)
     common.check_folder(out, analysis.FILES)
-    model = sdt.load_robot(robot)
+    model = held.load(robot)
     base = base_scenario(model, scenario)
     found = sdt.identify(
         model,

@@ -4,8 +4,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-import sdt_drake as sdt
-from sdt_drake.cli.common import Target, check_folder, one_of
+from sdt_drake.cli.common import Held, Target, check_folder, one_of, refuse
 from sdt_drake.cli.printing import echo
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files, write_text
@@ -47,6 +46,7 @@ def run(
         str | None,
         one_of("robot", help="SDF or URDF file of your own robot (default: a new example robot)"),
     ] = None,
+    held: Held = Held(),
 ) -> None:
     """Write a robot, a motion, motors, a scenario and a study into a folder, for you to edit.
 
@@ -57,19 +57,22 @@ def run(
     Args:
         folder: new or empty folder
     """
+    if robot is None:
+        refuse("needs --robot", hold=held.hold, tip=held.tip)
     check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder}: is not empty, expected a new or an empty folder")
+    notes = list[str]()
     with replacing_files(folder) as new:
         if robot is None:
             names, then = [file.name for file in sorted(_STARTER.iterdir())], _NEXT
             for name in names:
                 write_text(new / name, (_STARTER / name).read_text(encoding="utf-8"))
         else:
-            from sdt_drake.machine.new_robot import write_own
+            from sdt_drake.machine.new_robot import notes_of, write_own
 
-            own = sdt.load_robot(robot)
-            names = write_own(own, new, folder)
+            own = held.load(robot)
+            names, notes = write_own(own, new, folder), notes_of(own)
             quoted = shlex.quote(own.path.name)
             rows = [(command.format(robot=quoted), text) for command, text in _NEXT_OF_OWN]
             width = max(len(command) for command, _ in rows)
@@ -82,4 +85,6 @@ def run(
     echo(f"{folder}: {len(names)} files for {model} written, and schemas for editors")
     for name in names:
         echo(f"  {name}")
+    for line in notes:
+        echo(f"note: {line}")
     echo(f"\ncd {shlex.quote(str(folder))}{then}")

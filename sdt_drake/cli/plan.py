@@ -11,6 +11,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import (
+    Held,
     Motion,
     OptionalTarget,
     OtherRobot,
@@ -47,6 +48,7 @@ def run(
     out: Out = None,
     show: Show = False,
     trust: Trust = False,
+    held: Held = Held(),
 ) -> None:
     """Plan a motion within the limits of the motors' torques.
 
@@ -76,7 +78,9 @@ def run(
         if out is not None and drive_table.resolve() == out.resolve():
             text = f"--drive-table: {drive_table} is the file of --out too, expected another file"
             raise InputError(text)
-    model = sdt.load_robot(robot or common.ROBOT) if envelope is None else driven(envelope, robot)
+    if envelope is not None:
+        common.refuse("has no effect with --envelope", hold=held.hold, tip=held.tip)
+    model = held.load(robot) if envelope is None else driven(envelope, robot)
     plan = load_plan(motion, model, period=period, torque_margin=torque_margin, planner=planner)
     slower = 1.0
     if stoppable is not None:

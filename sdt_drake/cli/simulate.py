@@ -38,6 +38,7 @@ def run(
     from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.tracking import stops_passed
     from sdt_drake.io.arguments import chosen_joints
+    from sdt_drake.robot.rotors import without_rotors
 
     common.check_out(out, show, [*TABLES, ".html", ".md"])
     is_drawn = show or (out is not None and out.suffix not in TABLES)
@@ -58,6 +59,8 @@ def run(
         found = heat_of(recording, design.windings)
         echo(f"the motion {found.sentence(design.device.simulated, recording.time[-1])}")
     stiffness = design.scenario.plant.stops.stiffness
+    if line := without_rotors(design.device.simulated):
+        echo(f"note: {line}")
     for line in stops_passed(recording, design.device.simulated.joint_names, stiffness):
         echo(f"note: {line}")
 

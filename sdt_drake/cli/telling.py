@@ -14,8 +14,8 @@ _FIELDS = {
     "plant.elasticity.damping_ratio": "damping",
 }
 """Arguments of commands that set fields of a scenario."""
-_HINT = re.compile(r"(?<!--set )\b([a-z_]+)=(?:True|\.\.\.)")
-"""An argument in a hint of a message: "continue with resume=True", "a lower bandwidth=..."."""
+_HINT = re.compile(r"(?<!--set )\b([a-z_]+)=(?:True|\.\.\.|(?='))")
+"""An argument in a hint of a message: "with resume=True", "a lower bandwidth=...", "hold='a'"."""
 
 _UNNAMED = re.compile("[a-z ]*")
 """Nothing, or an object that was made of arguments: "controller choice"; no file."""
@@ -37,12 +37,20 @@ def in_options(error: InputError, bound: BoundArguments) -> InputError:
     values = bound.arguments | ({} if given is None else vars(given))
     if "given" in options:
         options |= {"changes": "--set", "trust": "--trust"}
+    if "held" in options:
+        options |= {"hold": "--hold", "tip": "--tip"}
     return type(error)(*(_told(one, options, values) for one in error.problems))
+
+
+def _option(hint: re.Match[str], options: Mapping[str, str]) -> str:
+    """Return the option of an argument in a hint, with a space before a value."""
+    option = options.get(hint[1], "")
+    return option + " " * hint[0].endswith("=") if option else hint[0]
 
 
 def _told(problem: Problem, options: Mapping[str, str], given: Mapping[str, Any]) -> Problem:
     found, accepted = (
-        _HINT.sub(lambda hint: options.get(hint[1], hint[0]), text)
+        _HINT.sub(lambda hint: _option(hint, options), text)
         for text in (problem.found, problem.accepted)
     )
     problem = problem._replace(found=found, accepted=accepted)

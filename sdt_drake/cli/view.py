@@ -11,7 +11,17 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Given, Integer, OtherRobot, Out, number, one_of
+from sdt_drake.cli.common import (
+    Changes,
+    Flag,
+    Given,
+    Held,
+    Integer,
+    OtherRobot,
+    Out,
+    number,
+    one_of,
+)
 from sdt_drake.cli.printing import echo, print_document_table
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.formats import TABLES
@@ -20,9 +30,6 @@ if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
     from sdt_drake.motion import Story
     from sdt_drake.robot.robot import Robot as RobotModel
-
-ROBOTS = (".sdf", ".urdf")
-"""The suffixes of robot files."""
 
 
 def run(
@@ -35,6 +42,7 @@ def run(
     port: Annotated[Integer | None, number(gte=1024, lte=65535)] = None,
     once: Flag = False,
     out: Annotated[Out, Parameter(metavar="FILE.html")] = None,
+    held: Held = Held(),
     given: Given = Given(),
 ) -> None:
     """Show a motion, or a robot with its axes and masses, in 3D: in a browser or as a page.
@@ -52,18 +60,20 @@ def run(
     """
     from sdt_drake.io.resources import named
     from sdt_drake.pilot.head import has_head
+    from sdt_drake.robot.xml_files import SUFFIXES
     from sdt_drake.show.view3d.scene import check_angles
     from sdt_drake.show.view3d.viewer import PAGES, play, record_html
 
     if out is not None:
         common.check_file(out, PAGES)
         common.refuse("has no effect with --out", rate=rate, port=port, once=once)
-    if Path(named(what, "scenario", "motion", "robot")).suffix in ROBOTS:
+    suffix = Path(named(what, "scenario", "motion", "robot")).suffix.lower()
+    if suffix in (*SUFFIXES, ".xacro"):
         unused = "has no effect on a robot"
         common.refuse(unused, robot=robot, pilot=pilot, rate=rate, changes=given.changes)
-        _robot(what, out, port, once)
+        _robot(what, held, out, port, once)
         return
-    title, model, time, q, story = _motion(what, robot, pilot, given.changes)
+    title, model, time, q, story = _motion(what, robot, held, pilot, given.changes)
     with within(what):
         check_angles(model, time, q)
     if out is not None:
@@ -86,11 +96,11 @@ def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]
     return announce
 
 
-def _robot(what: str, out: Path | None, port: int | None, once: bool) -> None:
+def _robot(what: str, held: Held, out: Path | None, port: int | None, once: bool) -> None:
     """Show a robot by itself."""
     from sdt_drake.show.view3d import robot_page as shown
 
-    model = sdt.load_robot(what)
+    model = held.load(what)
     links = shown.moving_links(model)
     title = shown.sentence(model, links)
     if out is None:
@@ -98,6 +108,8 @@ def _robot(what: str, out: Path | None, port: int | None, once: bool) -> None:
         for table in (shown.joint_table(model), shown.link_table(links)):
             echo()
             print_document_table(table)
+        for line in shown.limits_of_use(model):
+            echo(f"note: {line}")
         echo()
         echo("Press Open Controls for sliders of the joints and, under Scene, the masses.")
         announce = _announcing(model.name, once, has_head=False)
@@ -105,11 +117,15 @@ def _robot(what: str, out: Path | None, port: int | None, once: bool) -> None:
         return
     shown.robot_html(model, out)
     echo(f"{title}; {out} written")
-    echo(f"next, for files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
+    for line in shown.limits_of_use(model):
+        echo(f"note: {line}")
+    if not model.lacks:
+        options = shlex.join(["--robot", what, *held.words])
+        echo(f"next, for files to run it: sdt-drake init {options} DIR")
 
 
 def _motion(
-    what: str, robot: str | None, pilot: bool, changes: Changes
+    what: str, robot: str | None, held: Held, pilot: bool, changes: Changes
 ) -> tuple[str, RobotModel, Array, Array, Story]:
     """Return title, robot, time [s], joint angles [rad] and story of a motion or a scenario."""
     from sdt_drake.io.resources import find_file, named
@@ -124,10 +140,12 @@ def _motion(
         )
     if common.is_scenario(what):
         common.refuse(f"has no effect on a scenario, use --set robot={robot}", robot=robot)
+        common.refuse("has no effect on a scenario, use --set hold=...", hold=held.hold)
+        common.refuse("has no effect on a scenario, use --set tip=...", tip=held.tip)
         return _simulated(what, check_head if pilot else None, changes)
     file = find_file(what, *kinds)
     common.refuse_changes(changes, what)
-    model = sdt.load_robot(robot or common.ROBOT)
+    model = held.load(robot)
     if pilot:
         check_head(model)
     if file.suffix in TABLES:

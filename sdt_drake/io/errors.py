@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,6 +91,21 @@ def within(where: str | Path = "", *, place: str = "", kind: str = "") -> Iterat
     except InputError as error:
         problems = [_placed(one, f"{where}", place, kind) for one in error.problems]
         raise type(error)(*problems) from None
+
+
+@contextlib.contextmanager
+def gathering(problems: list[Problem]) -> Iterator[None]:
+    """Add the problems of an `InputError` raised in the block to a list."""
+    try:
+        yield
+    except InputError as error:
+        problems += error.problems
+
+
+def raise_all(problems: Sequence[Problem]) -> None:
+    """Raise `InputError` with all these problems, if there are any."""
+    if problems:
+        raise InputError(*problems)
 
 
 def _placed(problem: Problem, where: str, place: str, kind: str) -> Problem:

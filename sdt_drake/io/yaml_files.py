@@ -42,10 +42,8 @@ def load_yaml(
             accepted.
     """
     file = find_file(path, kind)
-    if file.suffix in _NO_YAML:
-        raise InputError(
-            f"{path}: is {_NO_YAML[file.suffix]}, expected {a_kind(kind or 'YAML file')}"
-        )
+    if (suffix := file.suffix.lower()) in _NO_YAML:
+        raise InputError(f"{path}: is {_NO_YAML[suffix]}, expected {a_kind(kind or 'YAML file')}")
     data = read_yaml(file)
     keys = set(data) if isinstance(data, dict) else set()
     if kind in _KEYS and not keys & _KEYS[kind]:
@@ -58,7 +56,7 @@ def load_yaml(
     return made(schema, data, file), file
 
 
-_NO_YAML = {".sdf": "a robot", ".urdf": "a robot", ".csv": "a table"}
+_NO_YAML = {".sdf": "a robot", ".urdf": "a robot", ".xacro": "a robot", ".csv": "a table"}
 _KEYS = {
     "scenario": {"controller", "plant"},
     "motion": {"tracks", "joints"},

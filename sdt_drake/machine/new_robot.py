@@ -19,8 +19,13 @@ from sdt_drake.motion import MotionProfile, command_of, commanded_motion, margin
 from sdt_drake.motion.profile import Track
 from sdt_drake.motion.segments import Turn
 from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.robot.held import told_held, weld
+from sdt_drake.robot.lacks import PLANNING
+from sdt_drake.robot.published import few
 from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.rotors import ASSUMPTION, assumed_inertia
 from sdt_drake.robot.shapes import mesh_files
+from sdt_drake.robot.xml_text import edited_text
 
 TEMPLATES = Path(__file__).with_name("own")
 
@@ -28,7 +33,6 @@ TEMPLATES = Path(__file__).with_name("own")
 _OMEGA_R = 62.8  # rad/s
 _RATED_TORQUE = 0.6  # share of the peak torque
 _NO_LOAD_SPEED = 1.5  # share of the speed up to which the peak torque is available
-_ROTOR_INERTIA = 0.02  # share of the joint's inertia
 _SLIDING = 0.8  # dynamic torque of a brake over its static torque, the motor's rated torque
 _CLOSING_DELAY = 0.1  # s, of a brake
 _DECELERATION = 0.5  # of ramps in a stop, share of what the peak torque gives
@@ -52,7 +56,7 @@ def first_motion(robot: Robot) -> MotionProfile:
     Raises:
         InputError: if a motor cannot hold its joint at the start of the motion.
     """
-    start, room = _middle(robot)
+    start, room = _middle(robot.having(*PLANNING))
     way = np.sign(room) * np.minimum(np.abs(room) * _MAX_SPEED, _MAX_ANGLE)
     duration = float(np.max(np.abs(np.radians(way)) * 2 / (_MAX_SPEED * robot.velocity_limit)))
     duration = max(1.0, np.ceil(10 * duration) / 10)
@@ -136,9 +140,9 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
         InputError: if a motor cannot hold its joint, or a file cannot be written.
     """
     names, motion = robot.joint_names, first_motion(robot)
-    slowing = (
-        _DECELERATION * robot.effort_limit / np.diag(robot.mass_matrix(robot.context_at_zero()))
-    )
+    rotors = robot.gear_ratio**2 * (_rotors(robot) - robot.rotor_inertia)  # the assumed ones
+    turned = np.diag(robot.mass_matrix(robot.context_at_zero())) + rotors
+    slowing = _DECELERATION * robot.effort_limit / turned
     mass = _motor_masses(robot)
     speeds = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, 1.0)
     chosen = sorted(np.argsort(-robot.effort_limit)[:_JOINTS_TO_SIZE].tolist())
@@ -147,8 +151,9 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
         "name": robot.name,
         "robot": robot.path.name,
         "joints": ", ".join(names),
-        "kept": json.dumps([""] * robot.n),
-        "zeros": json.dumps([0] * robot.n),
+        "motors": _motors_line(robot),
+        "assumption": ASSUMPTION,
+        **_friction_words(robot),
         "sets": f"{len(_SCALES) ** len(chosen)}",
         "example": ", ".join(f"{name}.position" for name in names),
         "speed": f"{100 * _MAX_SPEED:g}",
@@ -189,6 +194,20 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
     return sorted([robot.path.name, *files])
 
 
+def notes_of(robot: Robot) -> list[str]:
+    """Return what the files assume or take over beside limits, as sentences."""
+    lacking = [robot.joint(k) for k in np.flatnonzero(robot.motor_inertia == 0).tolist()]
+    file, notes = robot.path.name, list[str]()
+    if lacking:
+        notes.append(
+            f"{file} has no rotor inertia of {few(lacking)}; motors.yaml has ASSUMED ones, which "
+            f"scenario.yaml uses, such that {ASSUMPTION}"
+        )
+    if robot.coulomb.any():
+        notes.append(f"plant.friction.coulomb in scenario.yaml is the <friction> of {file}")
+    return [*notes, *told_held(robot.held)]
+
+
 def _axis(peak: float) -> dict[str, Any]:
     """Return the data of a drive by the peak torque of its motor [N m]."""
     rated, largest = _digits(_RATED_TORQUE * peak, 5), _digits(peak, 5)
@@ -200,8 +219,13 @@ def _digits(value: float, count: int) -> float:
 
 
 def _robot_text(robot: Robot, place: Path) -> str:
-    """Return the text of the robot's file, with paths of meshes that start at `place`."""
+    """Return the text of the robot's file, with paths of meshes that start at `place`.
+
+    Held joints are fixed in it.
+    """
     text = read_text(robot.path, _MAX_FILE)
+    if robot.held:
+        text = edited_text(text, lambda root: weld(root, robot.held, robot.path))
     for uri, path in mesh_files(robot).items():
         other = os.path.relpath(path, place.resolve()).replace("%", "%25")
         other = escape(other, {"'": "&apos;", '"': "&quot;"}).replace("\\", r"\\")
@@ -225,13 +249,36 @@ def _motor_masses(robot: Robot) -> Array:
     return np.array(masses)
 
 
+def _rotors(robot: Robot) -> Array:
+    """Return the rotor inertias, assumed where missing, motor side [kg m²], shape (n,)."""
+    assumed = assumed_inertia(robot) / robot.gear_ratio**2
+    return np.where(robot.motor_inertia > 0, robot.rotor_inertia, assumed)
+
+
+def _motors_line(robot: Robot) -> str:
+    """Return the line with the motors of a scenario: those whose rotors the robot's file lacks."""
+    lacking = robot.motor_inertia == 0
+    names = [name * bool(x) for name, x in zip(robot.joint_names, lacking, strict=True)]
+    if lacking.any():
+        why = f"with ASSUMED rotor inertias, which {robot.path.name} lacks; '' keeps its own"
+        return f"motors: {json.dumps(names, ensure_ascii=False)}  # of motors.yaml, {why}"
+    return f"# motors: {json.dumps(names)}  # other motors of motors.yaml; '' keeps the fitted one"
+
+
+def _friction_words(robot: Robot) -> dict[str, str]:
+    """Return the friction of the file as lines of a scenario, comments if it has none."""
+    has = bool(robot.coulomb.any())
+    zeros = json.dumps([0] * robot.n)
+    return {
+        "friction": "" if has else "# ",
+        "coulomb": json.dumps(robot.coulomb.tolist()) if has else zeros,
+        "zeros": zeros,
+    }
+
+
 def _motors(robot: Robot, mass: Array) -> list[dict[str, Any]]:
     """Return the motors of all joints, of each size, as in a file of motors."""
-    M = robot.plant.CalcMassMatrix(robot.context_at_zero())
-    ratio = robot.gear_ratio
-    rotor = np.where(
-        robot.rotor_inertia > 0, robot.rotor_inertia, _ROTOR_INERTIA * np.diag(M) / ratio**2
-    )
+    ratio, rotor = robot.gear_ratio, _rotors(robot)
     rpm = robot.velocity_limit * ratio * 60 / (2 * pi)
     motors = []
     for k, name in enumerate(robot.joint_names):

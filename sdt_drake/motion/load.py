@@ -14,6 +14,7 @@ from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan, comm
 from sdt_drake.motion.profile import IntendedIllusion, load_profile
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
+from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot, load_robot
 
 
@@ -114,7 +115,7 @@ def load_plan(
     (85.0, 0.0)
     """
     one_of(planner, "planner", tuple(PLANNERS))
-    robot = load_robot() if robot is None else robot
+    robot = (load_robot() if robot is None else robot).having(*PLANNING)
     file = find_file(path, "motion")
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
     with within(file):

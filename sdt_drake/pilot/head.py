@@ -61,7 +61,7 @@ def check_head(robot: Robot) -> None:
         InputError: no head; the message has the element to add.
     """
     if not has_head(robot):
-        on = "link" if robot.path.suffix == ".urdf" else "attached_to"
+        on = "link" if robot.path.suffix.lower() == ".urdf" else "attached_to"
         raise InputError(
             f'{robot.path}: no pilot\'s head; add <frame name="{HEAD_FRAME}" '
             f'{on}="LINK"> between the ears, x forward, y left, z up'

@@ -17,6 +17,7 @@ from sdt_drake.io.resources import find_file
 from sdt_drake.robot import sdf
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot, edited
+from sdt_drake.robot.xml_files import parse_xml
 
 _PAYLOAD = "payload"  # default name; such a link is needed only if the payload changes
 
@@ -89,7 +90,7 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
     """
     if deviation.payload != _PAYLOAD:  # check a given name even if nothing changes
         with within(place=where):
-            sdf.link_named(sdf.parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
+            sdf.link_named(parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
     if deviation.exact:
         return robot
     known = _made.setdefault(robot, WeakValueDictionary())

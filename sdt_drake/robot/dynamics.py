@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import joint_count
+from sdt_drake.robot.lacks import MASSES
 from sdt_drake.robot.robot import Robot
 
 # --- torque groups (Eq. 2) ------------------------------------------------------------------
@@ -85,7 +86,7 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
         vd: joint accelerations [rad/s²], shape (N, n).
 
     Raises:
-        InputError: the motion has another number of joints.
+        InputError: the motion has another number of joints, or links have no mass.
     """
     if q.shape[1] != robot.n:  # otherwise Drake would abort the process
         raise InputError(
@@ -93,7 +94,7 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
             place="motion",
             kind="joints",
         )
-    plant = robot.plant
+    plant = robot.having(MASSES).plant
     context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
     torque = np.empty(q.shape)
     for i, q_and_v in enumerate(np.hstack([q, v])):
@@ -116,9 +117,12 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
         q: joint positions [rad], shape (n,) or (N, n).
         v: joint speeds [rad/s], same shape.
         vd: joint accelerations [rad/s²], same shape.
+
+    Raises:
+        InputError: links without mass.
     """
     q_and_v, vd = np.concatenate([q, v], axis=-1), np.asarray(vd, dtype=float)
-    context = robot.plant.CreateDefaultContext()
+    context = robot.having(MASSES).plant.CreateDefaultContext()
     rows = zip(q_and_v.reshape(-1, 2 * robot.n), vd.reshape(-1, robot.n), strict=True)
     groups = np.array([groups_of_sample(robot, context, *row) for row in rows])
     return TorqueGroups(*np.moveaxis(groups.reshape(*vd.shape[:-1], 5, robot.n), -2, 0))

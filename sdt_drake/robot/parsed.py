@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint, JointActuator, RevoluteJoint, RigidBody, WeldJoint
+from pydrake.multibody.tree import Joint, JointActuator, RevoluteJoint, RigidBody
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.robot.coupling import without_coupling
+from sdt_drake.robot.published import few
 from sdt_drake.robot.sdf import mass_and_inertia
 
 STILL = "still"  # kind of problem: a joint moves no mass
@@ -36,11 +37,6 @@ def parse(file: Path, root: ET.Element) -> MultibodyPlant:
 def chain_of(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
     """Return the revolute joints, base to tip. Welded bodies count as one."""
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    for joint in joints:
-        if not isinstance(joint, RevoluteJoint | WeldJoint):
-            raise InputError(
-                f"{file}: joint '{joint.name()}' is {joint.type_name()}, expected revolute or fixed"
-            )
     chain: list[RevoluteJoint] = []
     reached = welded_to(plant.world_body(), plant)
     n_reached = len(reached)
@@ -48,7 +44,10 @@ def chain_of(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
     while outboard := [j for j in turning if j.parent_body().index() in reached]:
         if len(outboard) > 1:
             names = ", ".join(f"'{j.name()}'" for j in outboard)
-            raise InputError(f"{file}: the chain branches at joints {names}, expected one chain")
+            raise InputError(
+                f"{file}: the chain branches at joints {names}, expected one chain; tip=... names "
+                f"the link that ends it, such as {few(_ends(joints))}, and holds all other joints"
+            )
         chain += outboard
         reached = welded_to(outboard[0].child_body(), plant)
         n_reached += len(reached)
@@ -62,6 +61,20 @@ def chain_of(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
     return chain
 
 
+def _ends(joints: Sequence[Joint]) -> list[str]:
+    """Return the names of the links that carry no other, those beyond most moving joints first."""
+    inboard = {joint.child_body().index(): joint for joint in joints}
+    inner = {joint.parent_body().index() for joint in joints}
+    depth = {}
+    for index in inboard.keys() - inner:
+        link, count = index, 0
+        while joint := inboard.get(link):
+            count += isinstance(joint, RevoluteJoint)
+            link = joint.parent_body().index()
+        depth[inboard[index].child_body().name()] = count
+    return sorted(depth, key=lambda name: (-depth[name], name))
+
+
 def welded_to(body: RigidBody, plant: MultibodyPlant) -> set[object]:
     """Return the indices of the bodies that are welded to one, itself included."""
     return {b.index() for b in plant.GetBodiesWeldedTo(body)}
@@ -73,18 +86,39 @@ def actuators_of(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> 
     by_joint = {actuator.joint().index(): actuator for actuator in found}
     for joint in joints:
         actuator = by_joint.get(joint.index())
-        limit = actuator.effort_limit() if actuator else 0.0
         rotor = actuator.default_rotor_inertia() if actuator else 0.0
         ratio = actuator.default_gear_ratio() if actuator else 1.0
-        effort = f"actuator effort limit {limit:g} N m, expected a finite <effort> > 0"
         for good, text in (
-            (0 < limit < np.inf, effort),
             (rotor >= 0, f"rotor inertia {rotor:g} kg m², expected >= 0"),
             (ratio > 0, f"gear ratio {ratio:g}, expected > 0"),
         ):
             if not good:
                 raise InputError(f"{file}: joint '{joint.name()}': {text}")
     return [by_joint[joint.index()] for joint in joints]
+
+
+def friction_of(root: ET.Element, names: Sequence[str]) -> Array:
+    """Return the Coulomb friction of joints by their names, joint side [N m], shape (n,)."""
+    texts = {
+        joint.get("name"): joint.findtext("axis/dynamics/friction") for joint in root.iter("joint")
+    }
+    return np.array([float(texts[name] or 0) for name in names])
+
+
+def massless(plant: MultibodyPlant, joints: Sequence[Joint], without: Sequence[str]) -> list[str]:
+    """Return the links that joints move and that have no <inertial>, nor has one welded to them.
+
+    Args:
+        plant: the plant.
+        joints: the joints, base to tip.
+        without: names of all links without <inertial>.
+    """
+    moved = [plant.GetBodiesWeldedTo(joint.child_body()) for joint in joints]
+    return [
+        joint.child_body().name()
+        for joint, bodies in zip(joints, moved, strict=True)
+        if {body.name() for body in bodies} <= {*without}
+    ]
 
 
 def replace_actuators(

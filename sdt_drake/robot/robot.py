@@ -2,8 +2,8 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import cast
@@ -14,16 +14,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from sdt_drake.io.arguments import a_path, takes
+from sdt_drake.io.arguments import a_path, instance_of, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, Problem, raise_all
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
 from sdt_drake.robot import parsed
 from sdt_drake.robot.coupling import coupling_of, in_words, motor_inertia
 from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.lacks import TORQUES, lacks_of, told_friction, told_zeros
 from sdt_drake.robot.rounding import fill_zeros
-from sdt_drake.robot.sdf import check_sdf, parse_xml, read_robot_file
+from sdt_drake.robot.sdf import check_sdf, zero_limits
+from sdt_drake.robot.xml_files import parse_xml, read_robot_file
 
 _NO_STOP = 1e16  # rad
 
@@ -52,7 +54,7 @@ class Robot(Shown):
     """Motor speeds per joint speeds [-], shape (n, n): diag(r), and further entries for coupled
     motors, as in wrists."""
     effort_limit: Array
-    """Largest torque, **joint side** [N m], shape (n,)."""
+    """Largest torque, **joint side** [N m], shape (n,); inf if the file has none, or 0."""
     velocity_limit: Array
     """Largest joint speed [rad/s], shape (n,); inf if unlimited."""
     acceleration_limit: Array
@@ -63,6 +65,9 @@ class Robot(Shown):
     """Upper joint stops [rad], shape (n,); inf without a stop."""
     damping: Array
     """Viscous friction of the joints, joint side [N m s/rad], shape (n,)."""
+    coulomb: Array
+    """Coulomb friction of the file, `<friction>` [N m], joint side, shape (n,). The plant has none:
+    a scenario simulates it with `plant.friction.coulomb`."""
     sdf: str
     """The SDF of the plant as text, without shapes, also if the file is a URDF."""
     frequency_factor: float = 1.0
@@ -71,11 +76,27 @@ class Robot(Shown):
     """Torque-speed envelope of the motors; None if unknown."""
     accepted: tuple[str, ...] = ()
     """One sentence for each number of the file that was corrected or ignored."""
+    held: Mapping[str, float] = field(default_factory=dict)
+    """Positions of the joints of the file that are held, by their names [rad, m]."""
+    lacks: tuple[Problem, ...] = ()
+    """What the file lacks for some uses: problems of the kinds that `having` takes."""
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    def having(self, *kinds: str) -> "Robot":
+        """Return the robot itself if its file has what a use of it needs.
+
+        Args:
+            kinds: MASSES, TORQUES or SPEEDS.
+
+        Raises:
+            InputError: a problem for each kind of what is missing, with all links or joints.
+        """
+        raise_all([problem for problem in self.lacks if problem.kind in kinds])
+        return self
 
     def summary(self) -> Summary:
         columns = {
@@ -220,13 +241,16 @@ class Robot(Shown):
         return cast(MultibodyPlant, self.plant.Clone())
 
 
-@takes(path=a_path)
-def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
+@takes(path=a_path, hold=instance_of(str | Sequence[str]), tip=instance_of(str))
+def load_robot(
+    path: str | Path = DEFAULT_ROBOT, *, hold: str | Sequence[str] = (), tip: str = ""
+) -> Robot:
     """Load and validate a serial robot.
 
-    Content that Drake would silently misread, repair or ignore is refused: malformed numbers,
-    missing or impossible masses and inertias, `<friction>`, actuators without a limit. A link with
-    mass 0 is accepted, and logged, if its joint moves other mass.
+    Content that Drake would silently misread, repair or ignore is refused: malformed numbers, and
+    impossible masses and inertias. A link with mass 0 is accepted, and logged, if its joint moves
+    other mass. Moving links of a URDF without `<inertial>`, and torque limits of 0 or none, are
+    refused only by what needs them.
 
     >>> robot = load_robot("sdt")
     >>> robot.joint_names
@@ -236,20 +260,23 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
 
     Args:
         path: an SDF or URDF file, or the short name of a shipped robot.
+        hold: names of joints whose links are welded, such as those of a gripper, each with its
+            position [rad, m] if it is not 0: ["finger=0.02", "wrist"], or "finger=0.02,wrist".
+        tip: link that ends the chain; joints beside and beyond it are held. None by default.
 
     Raises:
         InputError: a wrong file; the message has the file, the link or joint, and the number.
     """
     file = find_file(path, "robot")
-    root, changes = read_robot_file(file)
+    root, changes, held, without = read_robot_file(file, hold, tip)
     try:
-        robot = _checked_robot(file, root)
+        robot = _checked_robot(file, root, without)
     except InputError as error:
         filled = fill_zeros(root) if error.problems[0].kind == parsed.STILL else []
         if not filled:
             raise
         changes += filled
-        robot = _checked_robot(file, root)
+        robot = _checked_robot(file, root, without)
     plant = robot.plant
     still = parsed.welded_to(plant.world_body(), plant)
     bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
@@ -257,7 +284,7 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     massless = [body.name() for body in moving if body.default_mass() == 0]
     if massless:
         changes.append(f"accepted without mass: {', '.join(massless)}")
-    robot = replace(robot, accepted=(*changes, *robot.accepted))
+    robot = replace(robot, accepted=(*changes, *robot.accepted), held=held)
     for text in robot.accepted:
         _log_once(f"{file}: {text}")
     return robot
@@ -286,21 +313,34 @@ def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
         frequency_factor=robot.frequency_factor,
         envelope=robot.envelope,
         accepted=robot.accepted,
+        held=robot.held,
+        lacks=(*(x for x in robot.lacks if x.kind != TORQUES), *other.lacks),
     )
 
 
-def _checked_robot(file: Path, root: ET.Element) -> Robot:
-    """Check an SDF, from a file or edited, and make its robot."""
+def _checked_robot(file: Path, root: ET.Element, without_mass: Sequence[str] = ()) -> Robot:
+    """Check an SDF, from a file or edited, and make its robot.
+
+    Args:
+        file: the file, for messages.
+        root: the <sdf> element.
+        without_mass: names of links without <inertial>.
+    """
     corrected = check_sdf(root, file)
+    zeros = zero_limits(root)
     text = ET.tostring(root, encoding="unicode")
     plant = parsed.parse(file, root)
     joints = parsed.chain_of(plant, file)
     actuators = parsed.actuators_of(plant, joints, file)
-    effort_limit = [a.effort_limit() for a in actuators]
+    effort_limit = np.array([a.effort_limit() for a in actuators])
     names = tuple(j.name() for j in joints)
     gear_ratio = np.array([a.default_gear_ratio() for a in actuators])
     rotor_inertia = np.array([a.default_rotor_inertia() for a in actuators])
     coupling = coupling_of(root, names, gear_ratio, file)
+    coulomb, massless = (
+        parsed.friction_of(root, names),
+        parsed.massless(plant, joints, without_mass),
+    )
     seen = motor_inertia(coupling, gear_ratio, rotor_inertia)
     parsed.replace_actuators(plant, joints, actuators, seen)
     plant.Finalize()
@@ -313,16 +353,22 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
         rotor_inertia=rotor_inertia,
         gear_ratio=gear_ratio,
         coupling=coupling,
-        effort_limit=np.array(effort_limit),
+        effort_limit=effort_limit,
         velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
         acceleration_limit=np.array([j.acceleration_upper_limits()[0] for j in joints]),
         position_lower=_stops([j.position_lower_limits()[0] for j in joints]),
         position_upper=_stops([j.position_upper_limits()[0] for j in joints]),
         damping=np.array([j.default_damping_vector()[0] for j in joints]),
+        coulomb=coulomb,
         sdf=text,
-        accepted=(*corrected, *in_words(coupling, names)),
-    )
-    parsed.check_dynamics(robot.mass_matrix(plant.CreateDefaultContext()), names, file)
+        accepted=(
+            *corrected, *told_zeros(zeros), *told_friction(names, coulomb),
+            *in_words(coupling, names),
+        ),
+        lacks=lacks_of(file, massless, names, effort_limit, zeros["velocity"]),
+    )  # fmt: skip
+    if not massless:
+        parsed.check_dynamics(robot.mass_matrix(plant.CreateDefaultContext()), names, file)
     return robot
 
 

@@ -1,114 +1,44 @@
-"""The XML of a robot: reading SDF and URDF, checks that Drake's parser omits, and edits."""
+"""The SDF of a robot: checks that Drake's parser omits, and edits."""
 
-import itertools
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MAX_NUMBER, InputError, suggestion
+from sdt_drake.io.errors import (
+    MAX_NUMBER,
+    InputError,
+    Problem,
+    gathering,
+    raise_all,
+    suggestion,
+)
 from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.rounding import last_digit, nearest_inertia
-from sdt_drake.robot.urdf import sdf_of_urdf
+from sdt_drake.robot.xml_files import short
 
 DRAKE = "drake:"
 """Prefix of Drake's own elements. Drake ignores the address of this namespace."""
 
 
-def read_robot_file(file: Path) -> tuple[ET.Element, list[str]]:
-    """Read a robot as SDF, from an SDF or URDF file, without shapes.
-
-    Returns:
-        The <sdf> element, and one sentence for each ignored number.
-
-    Raises:
-        InputError: another suffix, or no XML.
-    """
-    if file.suffix not in (".sdf", ".urdf"):
-        raise InputError(f"{file}: expected an .sdf or .urdf file")
-    root = parse_xml(file.read_bytes(), file)
-    return sdf_of_urdf(root, file) if file.suffix == ".urdf" else (root, [])
-
-
-def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Element:
-    """Parse an XML text without comments, with prefixes as written.
-
-    Drake gets a text written from the result. Drake's own parser would stop reading a number at a
-    comment, entity or section.
-
-    Args:
-        data: the text.
-        file: the file, for messages.
-        shapes: keep shapes, and omit <include> instead.
-
-    Raises:
-        InputError: malformed XML, a <!DOCTYPE>, or too many elements or attributes.
-    """
-    builder, reader, path = ET.TreeBuilder(), expat.ParserCreate(), []
-    left_out, count = {"include"} if shapes else _SHAPES, itertools.count()
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        path.append(tag)
-        if len(path) > _MAX_DEPTH:
-            raise InputError(f"{file}: more than {_MAX_DEPTH} nested elements, expected a robot")
-        if next(count) == _MAX_ELEMENTS:
-            raise InputError(f"{file}: more than {_MAX_ELEMENTS} elements, expected a robot")
-        if len(attributes) > _MAX_ATTRIBUTES:
-            raise InputError(
-                f"{file}: <{_short(tag)}> has {len(attributes)} attributes, expected at most "
-                f"{_MAX_ATTRIBUTES}"
-            )
-        if not left_out.intersection(path):
-            builder.start(tag, attributes)
-
-    def end(tag: str) -> None:
-        if not left_out.intersection(path):
-            builder.end(tag)
-        path.pop()
-
-    def text(data: str) -> None:
-        if not left_out.intersection(path):
-            builder.data(data)
-
-    def refuse(*_: object) -> None:
-        raise InputError(f"{file}: <!DOCTYPE> is not supported; remove it")
-
-    reader.StartElementHandler, reader.EndElementHandler = start, end
-    reader.CharacterDataHandler, reader.StartDoctypeDeclHandler = text, refuse
-    try:
-        reader.Parse(data, True)
-    except InputError:
-        raise
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise InputError(f"{file}: not well-formed XML ({error})") from None
-    return builder.close()
-
-
-# Drake's time grows with the square of an element's attributes.
-_MAX_DEPTH, _MAX_ELEMENTS, _MAX_ATTRIBUTES = 50, 20_000, 50
-_PARTS, _MAX_PARTS = ("link", "joint", "frame"), 1000  # Drake's time grows with their square
-_SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # there is no contact here
-
-
 # --- checks ----------------------------------------------------------------------------------
 
+_PARTS, _MAX_PARTS = ("link", "joint", "frame"), 1000  # Drake's time grows with their square
 # Elements with numbers, and the allowed counts of numbers in each.
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _LIMITS = ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")  # may be infinite
-_POSITIVE = ("velocity", f"{DRAKE}acceleration")  # Drake reads a speed < 0 as unlimited
+_SIGNS = {f"{DRAKE}acceleration": ">", "friction": ">="}
 _MOTOR = (f"{DRAKE}rotor_inertia", f"{DRAKE}gear_ratio")
 # Elements that must be zero, because they are not modelled.
 _ZERO = {
-    "friction": "Drake would drop it",
     "spring_stiffness": "springs are not supported",
     "spring_reference": "springs are not supported",
 }
-_SCALARS = ("mass", *_MOMENTS, *_LIMITS, *_MOTOR, TURNS_WITH, "damping", *_ZERO)
+_SCALARS = ("mass", *_MOMENTS, *_LIMITS, *_MOTOR, TURNS_WITH, "damping", "friction", *_ZERO)
 _COUNTS = {"pose": (0, 6, 7), "xyz": (3,)} | dict.fromkeys(_SCALARS, (1,))
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
@@ -131,17 +61,19 @@ def check_sdf(root: ET.Element, file: Path) -> list[str]:
         InputError: such content; the message has the file, the link or joint, and the element.
     """
     if root.tag != "sdf" or not re.fullmatch(r"1\.\d\d?", root.get("version", "")):
-        given = _short(f"{root.tag} version='{root.get('version', '')}'")
+        given = short(f"{root.tag} version='{root.get('version', '')}'")
         raise InputError(f"{file}: <{given}>, expected <sdf version='1.9'> or the like")
     models = root.findall(".//model")
     if len(models) != 1:
         raise InputError(f"{file}: {len(models)} models, expected one")
-    for element in root.iter():
-        _check_name(element, file)
     if sum(element.tag in _PARTS for element in root.iter()) > _MAX_PARTS:
         raise InputError(
             f"{file}: more than {_MAX_PARTS} links, joints and frames, expected a robot"
         )
+    problems: list[Problem] = []
+    for element in root.iter():
+        with gathering(problems):
+            _check_name(element, file)
     parts = set(models[0])
     inside = set(models[0].iter())
     around = [element for element in root.iter() if element not in inside]
@@ -149,17 +81,41 @@ def check_sdf(root: ET.Element, file: Path) -> list[str]:
         name = f"{part.tag} '{part.get('name')}'" if part.get("name") else f"<{part.tag}>"
         below = part.iter() if part in parts else (part,)
         for element in below:
-            _check_element(element, f"{file}: {name}")
-    links = [(link, f"link '{link.get('name')}'") for link in root.iter("link")]
-    texts = [_check_inertial(link, f"{file}: {name}") for link, name in links]
-    return [f"{name}: {text}" for (_, name), text in zip(links, texts, strict=True) if text]
+            with gathering(problems):
+                _check_element(element, f"{file}: {name}")
+    raise_all(problems)
+    texts = []
+    for link in root.iter("link"):
+        name = f"link '{link.get('name')}'"
+        with gathering(problems):
+            if text := _check_inertial(link, f"{file}: {name}"):
+                texts.append(f"{name}: {text}")
+    raise_all(problems)
+    return texts
+
+
+def zero_limits(root: ET.Element) -> dict[str, list[str]]:
+    """Set limits of 0 or -1 [N m, rad/s], by which none is known, to infinite, in place.
+
+    Returns:
+        Names of the joints with such an "effort" or "velocity".
+    """
+    found: dict[str, list[str]] = {"effort": [], "velocity": []}
+    for joint in root.iter("joint"):
+        for limit in joint.iter("limit"):
+            for tag, names in found.items():
+                element = limit.find(tag)
+                if element is not None and float(element.text or 0) <= 0:
+                    element.text = "inf"
+                    names.append(joint.get("name", ""))
+    return found
 
 
 def _check_name(element: ET.Element, file: Path) -> None:
     name = element.get("name", "a name")
     if not name.isprintable() or not 0 < len(name) <= _MAX_NAME:
         raise InputError(
-            f"{file}: <{_short(element.tag)}> has the name {_short(name)!r}, expected 1 to "
+            f"{file}: <{short(element.tag)}> has the name {short(name)!r}, expected 1 to "
             f"{_MAX_NAME} printable characters"
         )
 
@@ -172,11 +128,11 @@ def _check_element(element: ET.Element, where: str) -> None:
         bare = tag.removeprefix(DRAKE).removeprefix(_OWN)
         if tag in _UNKNOWN or (tag not in drakes and (tag != bare or DRAKE + tag in drakes)):
             raise InputError(
-                f"{where}: <{_short(bare)}> in <{element.tag}> is not supported or would have no "
+                f"{where}: <{short(bare)}> in <{element.tag}> is not supported or would have no "
                 f"effect; {suggestion(DRAKE + bare, drakes, 'remove it')}"
             )
         if children[tag, name] > 1:
-            again = f"<{_short(tag)}>" if name is None else f"{_short(tag)} '{name}'"
+            again = f"<{short(tag)}>" if name is None else f"{short(tag)} '{name}'"
             raise InputError(f"{where}: {again} more than once in <{element.tag}>")
     if element.tag not in _COUNTS:
         return
@@ -186,9 +142,10 @@ def _check_element(element: ET.Element, where: str) -> None:
         raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
     if element.tag in _LIMITS and abs(values[0]) > MAX_NUMBER:  # some programs print 1.79769e308
         element.text = "inf" if values[0] > 0 else "-inf"
-    if element.tag in _POSITIVE and values[0] <= 0:
+    sign = _SIGNS.get(element.tag, "")
+    if (sign == ">" and values[0] <= 0) or (sign == ">=" and values[0] < 0):
         tag = element.tag.removeprefix(DRAKE)
-        raise InputError(f"{where}: <{tag}> {element.text}, expected a number > 0")
+        raise InputError(f"{where}: <{tag}> {element.text}, expected a number {sign} 0")
 
 
 def numbers(element: ET.Element, where: str) -> list[float]:
@@ -204,7 +161,7 @@ def numbers(element: ET.Element, where: str) -> list[float]:
         return [float(word) for word in words]
     expected = "a number" if counts == (1,) else f"{' or '.join(map(str, counts[-2:]))} numbers"
     tag = element.tag.removeprefix(DRAKE)
-    raise InputError(f"{where}: <{tag}> is '{_short(text)}', expected {expected}")
+    raise InputError(f"{where}: <{tag}> is '{short(text)}', expected {expected}")
 
 
 _BLANK = " \t\r\n"
@@ -214,10 +171,6 @@ def _is_number(word: str, element: ET.Element) -> bool:
     if _PLAIN.fullmatch(word):
         return element.tag in _LIMITS or abs(float(word)) <= MAX_NUMBER
     return element.tag in _LIMITS and _INFINITE.fullmatch(word) is not None
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 40 else f"{text[:40]}..."
 
 
 def _check_inertial(link: ET.Element, where: str) -> str:

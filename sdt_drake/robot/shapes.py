@@ -10,8 +10,10 @@ from typing import Any
 from urllib.parse import unquote
 
 from sdt_drake.io.resources import PACKAGE_PREFIX, models_dir
+from sdt_drake.robot.held import weld
+from sdt_drake.robot.published import make_distinct
 from sdt_drake.robot.robot import Robot
-from sdt_drake.robot.sdf import parse_xml
+from sdt_drake.robot.xml_files import parse_xml
 
 MESHES = (".obj", ".gltf", ".vtk")
 """Suffixes of the meshes that Drake draws."""
@@ -24,6 +26,9 @@ def drawable(robot: Robot) -> tuple[str, list[str]]:
         The text of the file, and one sentence for each omitted mesh: link, mesh and reason.
     """
     root = parse_xml(robot.path.read_bytes(), robot.path, shapes=True)
+    if root.tag == "robot":
+        make_distinct(root)
+    weld(root, robot.held, robot.path)
     omitted = []
     for link in root.iter("link"):
         for collision in link.findall("collision"):

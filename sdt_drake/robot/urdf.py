@@ -1,78 +1,36 @@
 """Conversion of URDF to SDF, so that robots are checked and edited in one format."""
 
 import xml.etree.ElementTree as ET
-from collections import Counter
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError, suggestion
-from sdt_drake.io.shown import listed
+from sdt_drake.io.errors import InputError, Problem, gathering, raise_all
 from sdt_drake.robot.coupling import TURNS_WITH
 
-# Attributes of the accepted elements, by parent and element.
-_READ = {
-    "/robot": {"name", "version"},
-    "robot/link": {"name"},
-    "link/inertial": set(),
-    "inertial/origin": {"xyz", "rpy"},
-    "inertial/mass": {"value"},
-    "inertial/inertia": {"ixx", "iyy", "izz", "ixy", "ixz", "iyz"},
-    "robot/joint": {"name", "type"},
-    "joint/origin": {"xyz", "rpy"},
-    "joint/parent": {"link"},
-    "joint/child": {"link"},
-    "joint/axis": {"xyz"},
-    "joint/limit": {"lower", "upper", "effort", "velocity", "drake:acceleration"},
-    "joint/dynamics": {"damping", "friction"},
-    "robot/frame": {"name", "link", "xyz", "rpy"},
-    "robot/transmission": {"name", "type"},
-    "transmission/type": set(),
-    "transmission/joint": {"name"},
-    "transmission/actuator": {"name"},
-    "joint of a transmission/role": set(),
-    "joint of a transmission/mechanicalReduction": set(),
-    "actuator/role": set(),
-    "actuator/drake:rotor_inertia": {"value"},
-    "actuator/drake:gear_ratio": {"value"},
-    f"actuator/{TURNS_WITH}": {"joint", "value"},
-    "actuator/mechanicalReduction": set(),
-    "transmission/mechanicalReduction": set(),
-}
 _TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "fixed"}
-# Elements without data on bodies and motors.
-_IGNORED = {"gazebo", "material", "calibration", "safety_controller", "self_collision_checking"}
-_IGNORED |= {"hardwareInterface", "offset", "robotNamespace", "ros2_control"}
-_IGNORED |= {"ignoreTransmissionAbsoluteEncoder"}
-_IGNORED_DYNAMICS = ("D", "K", "mu_coulomb", "mu_viscous")  # have no meaning in URDF
 
 
 def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
-    """Convert a URDF to SDF, with its root link fixed to the world.
+    """Convert a cleaned URDF to SDF, with its root link fixed to the world.
 
     A joint without a transmission also gets a motor, with the effort of its <limit>. The inertia of
-    the root has no effect and is ignored. A link without <inertial> has no mass; links of revolute
-    joints must have an <inertial>.
+    the root has no effect and is ignored. A link without <inertial> has no mass.
 
     Args:
-        robot: the <robot> element, from which ignored elements are removed.
+        robot: the <robot> element, whose moving joints are revolute or continuous.
         file: the file, for messages.
 
     Returns:
-        The <sdf> element, and one sentence for each ignored number.
+        The <sdf> element, and the names of the links without <inertial>.
 
     Raises:
-        InputError: an unknown, repeated or missing element.
+        InputError: one problem for each missing or wrong element.
     """
-    ignored = _remove_meaningless(robot) + [
-        f"transmission '{transmission.get('name')}': <offset> {text} is ignored: the zero position "
-        "of a motor has no effect"
-        for transmission in robot.iter("transmission")
-        for text in (offset.text or "" for offset in transmission.iter("offset"))
-        if text.strip().strip("0.")
-    ]
-    _check("", robot, str(file))
+    problems: list[Problem] = []
     sdf = ET.Element("sdf", version="1.9")
     model = ET.SubElement(sdf, "model", name=robot.get("name", ""))
-    motors = _motors(robot, file)
+    motors: dict[str, list[ET.Element]] = {}
+    with gathering(problems):
+        motors = _motors(robot, file)
     inboard = {_end(joint, "child"): joint for joint in robot.findall("joint")}
     links = robot.findall("link")
     names = [link.get("name", "") for link in links]
@@ -80,79 +38,42 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
         names.append("world")  # need not be declared
     roots = [name for name in names if name not in inboard]
     if len(roots) != 1:
-        raise InputError(f"{file}: {len(roots)} links that no joint carries, expected one")
+        problems.append(Problem(f"{file}: {len(roots)} links that no joint carries, expected one"))
+    without = []
     for link in links:
-        where = f"{file}: link '{link.get('name')}'"
-        if link.get("name") != "world":
-            _add_link(model, link, inboard.get(link.get("name", "")), where)
-        elif len(link):
-            raise InputError(f"{where}: <inertial> would have no effect; remove it")
+        where, name = f"{file}: link '{link.get('name')}'", link.get("name", "")
+        with gathering(problems):
+            if name != "world":
+                _add_link(model, link, inboard.get(name), where)
+                without += [name] * (link.find("inertial/*") is None and name in inboard)
+            elif len(link):
+                raise InputError(f"{where}: <inertial> would have no effect; remove it")
+    for joint in robot.findall("joint"):
+        where = f"{file}: joint '{joint.get('name')}'"
+        with gathering(problems):
+            _add_joint(model, joint, motors.pop(joint.get("name", ""), []), where)
+    problems += [
+        Problem(f"{file}: <transmission> of joint '{name[:40]}', which is not there")
+        for name in motors
+    ]
+    raise_all(problems)
     if roots != ["world"]:
         base = ET.SubElement(model, "joint", name=f"base of {roots[0]}", type="fixed")
         _add_ends(base, "world", roots[0])
-    for joint in robot.findall("joint"):
-        where = f"{file}: joint '{joint.get('name')}'"
-        _add_joint(model, joint, motors.pop(joint.get("name", ""), []), where)
-    for name in motors:
-        raise InputError(f"{file}: <transmission> of joint '{name[:40]}', which is not there")
     for frame in robot.findall("frame"):
         name = frame.get("name", "")
         new = ET.SubElement(model, "frame", name=name, attached_to=frame.get("link", ""))
         new.append(_pose(frame, f"{file}: frame '{name}'"))
-    return sdf, ignored
-
-
-def _remove_meaningless(robot: ET.Element) -> list[str]:
-    """Remove numbers of published files that have no meaning in URDF, one sentence each."""
-    sentences = []
-    for joint in robot.findall("joint"):
-        left = [
-            (e, name)
-            for e in joint.findall("dynamics")
-            for name in _IGNORED_DYNAMICS
-            if name in e.attrib
-        ]
-        for limit in joint.findall("limit"):
-            if joint.get("type") == "continuous" and {"lower", "upper"} <= limit.attrib.keys():
-                left += [(limit, "lower"), (limit, "upper")]
-        for element, name in left:
-            del element.attrib[name]
-        if left:
-            names = listed([f"{name} of <{element.tag}>" for element, name in left])
-            sentences.append(
-                f"joint '{joint.get('name')}': {names} have no meaning in URDF and were ignored"
-            )
-    return sentences
-
-
-def _check(parent: str, element: ET.Element, where: str) -> None:
-    """Check that each element and attribute is known, and no element is repeated."""
-    key = f"{parent}/{element.tag}"
-    if key not in _READ:
-        known = [tag for above, _, tag in (x.partition("/") for x in _READ) if above == parent]
-        better = suggestion(element.tag, known, "remove it")
-        place = f"in <{parent}> is not supported; {better}" if parent else "is not <robot>"
-        raise InputError(f"{where}: <{element.tag[:40]}> {place}")
-    if parent and "name" in element.attrib:
-        where = f"{where}: {element.tag} '{element.attrib['name'][:40]}'"
-    for name in element.attrib:
-        if name not in _READ[key] and not name.startswith("xmlns"):
-            raise InputError(f"{where}: {name[:40]} of <{element.tag}> is not supported; remove it")
-    for child in [child for child in element if child.tag in _IGNORED]:
-        element.remove(child)
-    names = [(child.tag, child.get("name") or child.get("joint")) for child in element]
-    counts = Counter(names)
-    inner = "joint of a transmission" if key == "transmission/joint" else element.tag
-    for child, named in zip(element, names, strict=True):
-        if counts[named] > 1:
-            raise InputError(f"{where}: <{child.tag[:40]}> more than once in <{element.tag}>")
-        _check(inner, child, where)
+    return sdf, without
 
 
 def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
-    """Return rotor inertia, gear ratio and coupling as elements of SDF, by joint."""
+    """Return rotor inertia, gear ratio and coupling as elements of SDF, by moving joint."""
     motors: dict[str, list[ET.Element]] = {}
+    still = {joint.get("name") for joint in robot.findall("joint") if joint.get("type") == "fixed"}
     for transmission in robot.findall("transmission"):
+        if {joint.get("name") for joint in transmission.findall("joint")} <= still:
+            continue
         where = f"{file}: transmission '{transmission.get('name')}'"
         kind = (transmission.get("type") or transmission.findtext("type") or "").strip()
         size = next((n for name, n in _TRANSMISSIONS.items() if kind.endswith(name)), 0)
@@ -206,10 +127,7 @@ def _add_link(model: ET.Element, old: ET.Element, joint: ET.Element | None, wher
         ET.SubElement(link, "pose", relative_to=joint.get("name", ""))
     new = ET.SubElement(link, "inertial")
     inertial = old.find("inertial") if joint is not None else None  # the root does not move
-    if inertial is None:
-        if joint is not None and joint.get("type") != "fixed":
-            raise InputError(f"{where}: no <inertial>; add its mass and inertia, 0 if it has none")
-        inertial = _NO_MASS
+    inertial = inertial if inertial is not None and len(inertial) else _NO_MASS
     new.append(_pose(inertial.find("origin"), where))
     for mass in inertial.findall("mass"):
         new.append(_leaf("mass", mass.get("value")))
@@ -222,17 +140,15 @@ _NO_MASS = ET.fromstring('<a><mass value="0"/><inertia ixx="0" iyy="0" izz="0"/>
 
 def _add_joint(model: ET.Element, old: ET.Element, motor: list[ET.Element], where: str) -> None:
     kind = old.get("type", "")
-    if kind not in _TYPES:
-        raise InputError(f"{where} is {kind[:40]}, expected {', '.join(_TYPES)}")
     joint = ET.SubElement(model, "joint", name=old.get("name", ""), type=_TYPES[kind])
     parent = _end(old, "parent")
     pose = _pose(old.find("origin"), where)
     pose.set("relative_to", "__model__" if parent == "world" else parent)
     joint.append(pose)
     _add_ends(joint, parent, _end(old, "child"))
-    joint.extend(motor)
     if kind == "fixed":
         return
+    joint.extend(motor)
     axis = ET.SubElement(joint, "axis")
     along = old.find("axis")
     axis.append(_leaf("xyz", "1 0 0" if along is None else along.get("xyz")))

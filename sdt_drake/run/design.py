@@ -21,13 +21,14 @@ from sdt_drake.robot import dynamics
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
 from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.motors import as_driven, chosen_robot, motors_in_use
-from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.windings import Windings, windings_of
 from sdt_drake.run import plant
 from sdt_drake.run.assumptions import Assumptions
 from sdt_drake.run.reference import Reference, drive_on_clock, reference_of
-from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.scenario import Scenario, load_scenario, robot_of
 from sdt_drake.run.tuning import Feedforward, Tuning, tuning_of
 from sdt_drake.systems.state_space import LinearModel
 
@@ -370,10 +371,10 @@ def load_device(scenario: Scenario) -> Robot:
     Raises:
         InputError: if the robot cannot be used, or fields of the scenario do not fit it.
     """
-    robot = load_robot(scenario.robot)
+    robot = robot_of(scenario)
     check_joints(scenario, _name(scenario), robot.n)
     with within(_name(scenario)):
-        return chosen_robot(robot, scenario.device)
+        return chosen_robot(robot, scenario.device).having(*PLANNING)
 
 
 def _name(scenario: Scenario) -> str:
@@ -392,9 +393,6 @@ def plan_of(scenario: Scenario, robot: Robot) -> Plan:
         InputError: if the motion cannot be used, or the device cannot follow it.
     """
     return load_plan(
-        scenario.motion,
-        as_driven(robot, scenario.drive),
-        period=scenario.period,
-        torque_margin=scenario.torque_margin,
-        planner=scenario.planner,
-    )
+        scenario.motion, as_driven(robot, scenario.drive), period=scenario.period,
+        torque_margin=scenario.torque_margin, planner=scenario.planner,
+    )  # fmt: skip

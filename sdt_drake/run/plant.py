@@ -126,11 +126,15 @@ def check_poles(
                 ("damping_ratio", springs.damping / robot.reflected_inertia),
             ):
                 poles = np.where(springs.elastic, poles, 0.0)
-                _check_pole(scenario, poles, f"plant.elasticity.{name}")
+                _check_pole(scenario, robot, poles, f"plant.elasticity.{name}")
         fastest = np.maximum(gains.kp / at_motor, np.sqrt(gains.ki / at_motor))
     model = "" if scenario.controller.model.exact else ", for the inertia of controller.model,"
     _check_pole(
-        scenario, fastest, "", f"gains (kp, ki, or omega_r, zeta){model} against inertia give"
+        scenario,
+        robot,
+        fastest,
+        "",
+        f"gains (kp, ki, or omega_r, zeta){model} against inertia give",
     )
     _check_device(scenario, robot, i_eff)
 
@@ -148,37 +152,40 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
             ("breakaway over stribeck_speed", 2 * extra / friction.stribeck_speed / inertia),
             ("viscous", friction.viscous / inertia),
         ):
-            _check_pole(scenario, poles, "plant.friction", f"{name} gives")
+            _check_pole(scenario, robot, poles, "plant.friction", f"{name} gives")
     if (efficiency := scenario.plant.gear_efficiency) is not None:
         lost = (1 / np.array(efficiency) - 1) * robot.motor_torque_limit
         poles = lost / (FULL_SPEED * robot.gear_ratio * i_eff)
-        _check_pole(scenario, poles, "plant.gear_efficiency")
+        _check_pole(scenario, robot, poles, "plant.gear_efficiency")
     stops = scenario.plant.stops
     stops.check(robot)
     for name, power in (("stiffness", 0.5), ("damping", 1.0)):
         if (values := getattr(stops, name)) is not None:
             poles = (np.array(values) / inertia) ** power
-            _check_pole(scenario, poles, f"plant.stops.{name}")
+            _check_pole(scenario, robot, poles, f"plant.stops.{name}")
     drive, filters = scenario.drive, getattr(scenario.controller, "filters", None)
     if filters is not None and drive.period is None:
         for name, values in filters.frequencies.items():
-            _check_pole(scenario, 2 * np.pi * np.array(values), f"controller.filters.{name}")
+            _check_pole(scenario, robot, 2 * np.pi * np.array(values), f"controller.filters.{name}")
     if drive.torque_bandwidth is not None:
         lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)
-        _check_pole(scenario, lag, "drive.torque_bandwidth")
+        _check_pole(scenario, robot, lag, "drive.torque_bandwidth")
     envelope = as_driven(robot, drive).envelope
     if envelope is not None:
         poles = robot.motor_torque_limit * envelope.slope / i_eff
         where = "drive" if drive.n1 is not None else "device.motors"
-        _check_pole(scenario, poles, where, "n0 so close to n1 gives")
+        _check_pole(scenario, robot, poles, where, "n0 so close to n1 gives")
 
 
-def _check_pole(scenario: Scenario, poles: Array, place: str, cause: str = "gives") -> None:
+def _check_pole(
+    scenario: Scenario, robot: Robot, poles: Array, place: str, cause: str = "gives"
+) -> None:
     if np.any(poles * scenario.period > MAX_POLE):
         k = int(np.argmax(poles))
+        rotor = "; it has no rotor inertia, by <drake:rotor_inertia> or device.motors"
         raise InputError(
             f"{cause} joint {k + 1} a pole at {poles[k]:.3g} rad/s, expected less than "
-            f"{MAX_POLE / scenario.period:.3g}",
+            f"{MAX_POLE / scenario.period:.3g}{rotor * bool(robot.motor_inertia[k] == 0)}",
             place=place,
         )
 

@@ -31,7 +31,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import Sign
 from sdt_drake.robot.motors import DeviceChoice
-from sdt_drake.robot.robot import DEFAULT_ROBOT
+from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.robot.stops import Stops
 from sdt_drake.robot.windings import WindingChoice
 from sdt_drake.run.choice import OfKind, plain_pi
@@ -105,6 +105,12 @@ class Scenario(Input, Shown):
     """Short name; the name of the file by default."""
     robot: Annotated[Text, FileOf("robot")] = DEFAULT_ROBOT
     """SDF or URDF file, relative to the scenario's folder, or the name of a shipped robot."""
+    hold: Names = field(())
+    """Joints of the robot that are held, with their links as load, such as those of a gripper: each
+    by its name, with its position [rad, m] if it is not 0: finger=0.02. None by default."""
+    tip: str = ""
+    """Link that ends the chain; all joints beside and beyond it are held. By default the robot must
+    be one chain."""
     device: DeviceChoice = field(DeviceChoice)
     """Motors, gears and structure that replace those of the SDF."""
     motion: Annotated[Text, FileOf("motion")] = "package://sdt/motions/reference.yaml"
@@ -234,3 +240,12 @@ def save_scenario(scenario: Scenario, path: str | Path) -> None:
         0.002
     """
     write_yaml(path, scenario)
+
+
+def robot_of(scenario: Scenario) -> Robot:
+    """Load the robot of a scenario, with the joints that it holds, without its device.
+
+    Raises:
+        InputError: if the robot cannot be used.
+    """
+    return load_robot(scenario.robot, hold=scenario.hold or "", tip=scenario.tip)

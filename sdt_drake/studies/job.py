@@ -114,7 +114,7 @@ def _joints(field: str, file: Path, base: Scenario) -> int | None:
         InputError: for a file that cannot be used. Every run of it would fail.
     """
     if field == "robot":
-        return load_robot(file).n
+        return load_robot(file, hold=base.hold or "", tip=base.tip).n
     if field == "motion":
         return load_commanded(file, load_device(base), base.period).n
     return None

@@ -86,7 +86,8 @@ class Runner:
     def _planned(self, scenario: Scenario) -> _Planned:
         """Return robot and plan from the cache, which drops the oldest plan when it is full."""
         planning = (scenario.motion, scenario.period, scenario.torque_margin, scenario.planner)
-        key = (scenario.robot, scenario.device, scenario.drive.n1, scenario.drive.n0, *planning)
+        device = (scenario.robot, scenario.hold, scenario.tip, scenario.device)
+        key = (*device, scenario.drive.n1, scenario.drive.n0, *planning)
         if key not in self._plans:
             if len(self._plans) >= self._most:
                 del self._plans[next(iter(self._plans))]

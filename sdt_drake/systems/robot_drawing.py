@@ -55,7 +55,7 @@ def add_robot_drawing(
     text, left_out = drawable(robot)
     if left_out:
         logging.getLogger(__name__).warning(f"{robot.path}: not drawn: {'; '.join(left_out)}")
-    parser.AddModelsFromString(text, robot.path.suffix.removeprefix("."))
+    parser.AddModelsFromString(text, robot.path.suffix.lower().removeprefix("."))
     for index in robot.plant.GetJointIndices():
         joint = robot.plant.get_joint(index)
         if not plant.HasJointNamed(joint.name()):  # the root link of a URDF

@@ -8,9 +8,10 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 import pytest
 from helpers import command_line
-from helpers.robots import RATE_TABLE, SIX
+from helpers.robots import RATE_TABLE, SIX, URDF
 
 from sdt_drake.analysis.frequency_response import frequency_response
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
 from sdt_drake.machine.drive_files.drives import load_drives
 from sdt_drake.machine.recordings.columns import load_columns
@@ -105,6 +106,70 @@ def test_init_files_of_an_own_robot_fit_it_and_run(good, desk, monkeypatch, name
         schema = Path(text.splitlines()[0].split("$schema=")[1])
         assert not schema.is_absolute() and str(desk) not in text
         assert schema.read_text() == (models_dir() / schema).read_text()
+
+
+FINGER = (
+    "<link name='finger'><inertial><mass value='0.1'/><inertia ixx='1e-4' iyy='1e-4' izz='1e-4'/>"
+    "</inertial></link><joint name='grip' type='prismatic'><origin xyz='0.4 0 0'/>"
+    "<parent link='lower'/><child link='finger'/><axis xyz='0 1 0'/>"
+    "<limit effort='10' velocity='0.1' lower='0' upper='0.04'/></joint></robot>"
+)
+LIGHT = """<robot name="light"><link name="base"/>
+<link name="l1"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+  <inertia ixx="0.004" iyy="0.004" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="l2"><inertial><origin xyz="0 0 0.03"/><mass value="0.15"/>
+  <inertia ixx="4.3e-5" iyy="1.0e-4" izz="1.2e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j1" type="revolute"><parent link="base"/><child link="l1"/><axis xyz="0 1 0"/>
+  <limit effort="100" velocity="3" lower="-2" upper="2"/><dynamics friction="1.5"/></joint>
+<joint name="j2" type="revolute"><origin xyz="0 0 0.25"/><parent link="l1"/><child link="l2"/>
+  <axis xyz="0 0 1"/><limit effort="100" velocity="1" lower="-3" upper="3"/></joint></robot>"""
+
+
+def test_init_assumes_rotors_and_takes_over_friction_of_a_published_arm(good, desk, monkeypatch):
+    """100 N m turn a motor alone with 100 rad/s², so I = 1 kg m²; link 2 has 1.2e-4 kg m²."""
+    (desk / "arm.urdf").write_text(LIGHT, encoding="utf-8")
+    out = good("init", "--robot", "arm.urdf", "mine").out
+    assert (
+        "note: arm.urdf has no rotor inertia of joint 1 'j1' and joint 2 'j2'; motors.yaml" in out
+    )
+    assert "note: plant.friction.coulomb in scenario.yaml is the <friction> of arm.urdf" in out
+    monkeypatch.chdir(desk / "mine")
+    scenario = load_scenario("scenario.yaml")
+    design = make_design(scenario)
+    np.testing.assert_allclose(design.nominal.rotor_inertia, [1, 1])
+    np.testing.assert_allclose(design.nominal.effort_limit, [100, 100])
+    assert scenario.plant.friction.coulomb == (1.5, 0) and not design.nominal.lacks
+    np.testing.assert_allclose(design.inertia.maximum[1], 1 + 1.2e-4, rtol=1e-9)
+    alone = scenario.changed({"device.motors": ["j1", ""]})
+    with pytest.raises(
+        InputError, match=r"joint 2 a pole at .*; it has no rotor inertia, by <drake"
+    ):
+        make_design(alone)
+    assert (
+        "note: no rotor inertia of any joint is known"
+        in good("view", "arm.urdf", "--out", "r.html").out
+    )
+    quiet = good("simulate", "scenario.yaml").out
+    assert "rotor" not in quiet
+    axis = ("--set", "device.motors=[]", "--set", "drive.n1=[9,9]", "--set", "drive.n0=[1e9,1e9]")
+    told = good("simulate", "scenario.yaml", *axis).out
+    assert "note: no rotor inertia of any joint is known" in told
+
+
+def test_init_of_held_joints_writes_them_fixed_and_keeps_the_rest_of_the_text(good, desk):
+    text = URDF.replace("</robot>", FINGER).replace("<link", "<!-- ü --><link", 1)
+    (desk / "arm.urdf").write_text(text, encoding="utf-8")
+    good("init", "--robot", "arm.urdf", "--hold", "grip=0.03", "mine")
+    written = (desk / "mine" / "arm.urdf").read_text(encoding="utf-8")
+    start, end = text.index("<joint name='grip'"), text.index("</joint></robot>")
+    assert written.startswith(text[:start]) and written.endswith(text[end:])
+    assert written[start : -len(text[end:])] == (
+        '<joint name="grip" type="fixed"><origin xyz="0.4 0.03 0.0"/>'
+        "<parent link='lower'/><child link='finger'/>"
+    )
+    held, mine = load_robot(desk / "arm.urdf", hold="grip=0.03"), load_robot(desk / "mine/arm.urdf")
+    M = [robot.plant.CalcMassMatrix(robot.context_at_zero()) for robot in (held, mine)]
+    np.testing.assert_array_equal(*M)
 
 
 NAMES = ['it\'s "q" <x>', "a # c: ${x}", "[ü] & 50%20"]

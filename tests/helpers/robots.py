@@ -103,12 +103,12 @@ def _text(values) -> str:
     return " ".join(map(repr, map(float, values)))
 
 
-def loaded(text: str, suffix: str = ".sdf") -> Robot:
-    """The robot of a text, in a file that stays until the tests end."""
+def loaded(text: str, suffix: str = ".sdf", **held) -> Robot:
+    """The robot of a text, in a file that stays until the tests end; `hold` and `tip` if any."""
     name = hashlib.sha256(text.encode()).hexdigest()[:16]
     path = _folder() / f"{name}{suffix}"
     path.write_text(text, encoding="utf-8")
-    return load_robot(path)
+    return load_robot(path, **held)
 
 
 def refused(text: str, old: str, new: str, message: str) -> None:

@@ -21,7 +21,8 @@ from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
-from sdt_drake.robot.sdf import SYMMETRIC, links_by_name, parse_xml
+from sdt_drake.robot.sdf import SYMMETRIC, links_by_name
+from sdt_drake.robot.xml_files import parse_xml
 
 
 def test_payload_heavier_than_its_link_is_written_as_measured(tmp_path):

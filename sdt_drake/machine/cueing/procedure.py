@@ -31,6 +31,7 @@ from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.pilot.head import GRAVITY, check_head
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
+from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot, load_robot
 
 SMOOTH = (1.0, 2.0)
@@ -303,7 +304,7 @@ class _Search:
 
 def _check(robot: Robot, knot: float, approach: float) -> None:
     """Refuse options and robots without a solution."""
-    check_head(robot)
+    check_head(robot.having(*PLANNING))
     if robot.n < 2:
         raise InputError(f"{robot.path}: 1 joint, expected at least 2")
     whole_periods(knot, INTERPOLATION_PERIOD, "knot")

@@ -20,7 +20,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.run.controllers import PPi
-from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
+from sdt_drake.run.scenario import Scenario, load_scenario, robot_of, save_scenario
 
 _MOTION = "motion.csv"  # the recorded motion, once it is written
 _OWN = "real_device"  # scenario of the shipped device with real drives and sensors
@@ -50,7 +50,7 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
         base = _OWN
     if base is not None:
         scenario = load_scenario(base)
-        names = load_robot(scenario.robot).joint_names
+        names = robot_of(scenario).joint_names
         if names != robot.joint_names:
             raise InputError(
                 f"{base}: its robot has joints {', '.join(names)}, expected "
@@ -81,6 +81,8 @@ def write_files(
     changes: dict[str, Any] = {
         "name": "identified",
         "robot": "robot.sdf",
+        "hold": (),
+        "tip": "",
         "plant.kind": "coupled",
         "plant.i_eff": None,
         "plant.friction": friction.friction,

@@ -22,6 +22,7 @@ from sdt_drake.machine.identify.procedure import belief, few_of, parts_of
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import Recordings, recordings_of
 from sdt_drake.robot.device import Friction, friction_parameters
+from sdt_drake.robot.lacks import MASSES
 from sdt_drake.robot.robot import Robot, load_robot
 
 
@@ -89,7 +90,7 @@ def judge(
     """
     if cutoff is not None:
         positive(cutoff, "cutoff")
-    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    robot = (robot if isinstance(robot, Robot) else load_robot(robot)).having(MASSES)
     if friction is not None and not isinstance(friction, Friction):
         loaded, file = load_yaml(Friction, a_path(friction, "friction"))
         check_joints(loaded, file, robot.n)

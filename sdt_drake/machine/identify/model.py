@@ -14,7 +14,8 @@ from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.plant import put_identified, with_identified
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.robot import Robot
-from sdt_drake.robot.sdf import SYMMETRIC, links_by_name, parse_xml
+from sdt_drake.robot.sdf import SYMMETRIC, links_by_name
+from sdt_drake.robot.xml_files import parse_xml
 
 _SPREAD = 0.5  # relative standard deviation of links that were not measured
 
@@ -27,7 +28,7 @@ def identified_robot(found: Identified) -> Robot:
 def save_robot(found: Identified, path: Path) -> None:
     """Write the identified robot as an SDF file; shapes are kept if the robot's file is an SDF."""
     file, text = found.nominal.path, found.nominal.sdf
-    is_sdf = file.suffix == ".sdf"
+    is_sdf = file.suffix.lower() == ".sdf"
     root = parse_xml(file.read_bytes() if is_sdf else text, file, shapes=is_sdf)
     root.set("xmlns:drake", "http://drake.mit.edu")
     if found.nominal.is_coupled:

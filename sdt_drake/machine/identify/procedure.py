@@ -26,6 +26,7 @@ from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import Recordings, recordings_of
 from sdt_drake.machine.recordings.recorded import Recorded, check_different
 from sdt_drake.robot.device import friction_parameters
+from sdt_drake.robot.lacks import MASSES
 from sdt_drake.robot.robot import Robot, load_robot
 
 ONLY = ("payload", "friction")
@@ -167,7 +168,7 @@ def identify(
         positive(cutoff, "cutoff")
     if positive(held_out, "held_out") >= 1:
         raise InputError(f"{held_out:g}, expected less than 1", place="held_out")
-    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    robot = (robot if isinstance(robot, Robot) else load_robot(robot)).having(MASSES)
     fitted, held_out_recordings = (
         recordings_of(given, name, robot, columns, side=side)
         for name, given in (("recordings", recordings), ("validate", validate))

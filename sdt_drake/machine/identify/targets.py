@@ -8,6 +8,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_columns, rigid_parameters
+from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot
 
 NOISE = 0.01  # standard deviation of measured torques over the largest torque
@@ -36,17 +37,22 @@ class Target:
         Args:
             robot: The robot.
             noise: Standard deviation of torques over the largest torque [-].
+
+        Raises:
+            InputError: The file lacks masses or limits.
         """
-        return Target(robot, Unknown.everything(robot), True, noise * robot.effort_limit)
+        unknown = Unknown.everything(robot.having(*PLANNING))
+        return Target(robot, unknown, True, noise * robot.effort_limit)
 
     @staticmethod
     def payload(robot: Robot, link: str, noise: float = NOISE) -> Target:
         """Make the target of the body that contains a link; all else is known.
 
         Raises:
-            InputError: No joint turns this link.
+            InputError: No joint turns this link, or the file lacks masses or limits.
         """
-        return Target(robot, Unknown.body(robot, link), False, noise * robot.effort_limit)
+        unknown = Unknown.body(robot.having(*PLANNING), link)
+        return Target(robot, unknown, False, noise * robot.effort_limit)
 
     @property
     def names(self) -> list[str]:

@@ -16,6 +16,7 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import joint_count, numbered
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.rotors import without_rotors
 from sdt_drake.robot.shapes import drawable
 from sdt_drake.show.documents import html_of, render_html
 from sdt_drake.show.sections import Block, Table, bullets
@@ -86,6 +87,12 @@ def sentence(robot: Robot, links: Sequence[Link]) -> str:
     return f"{robot.name}: {joint_count(robot.n)}, {mass:.5g} kg of moving links"
 
 
+def limits_of_use(robot: Robot) -> list[str]:
+    """Return what a robot's file lacks, and what that means, as sentences."""
+    rotors = without_rotors(robot)
+    return [f"{problem}" for problem in robot.lacks] + [rotors] * (rotors != "")
+
+
 def joint_table(robot: Robot) -> Table:
     """Make the table of the joints' limits and motors."""
     lower, upper = np.degrees(robot.position_lower), np.degrees(robot.position_upper)
@@ -95,7 +102,7 @@ def joint_table(robot: Robot) -> Table:
             "revolute" if np.isfinite([lower[k], upper[k]]).any() else "continuous",
             f"{_or_any(lower[k])} to {_or_any(upper[k])}".replace("any to any", "any"),
             _or_any(np.degrees(robot.velocity_limit[k])),
-            f"{robot.effort_limit[k]:.5g}",
+            _or_any(robot.effort_limit[k], 5).replace("any", "unknown"),
             f"{robot.gear_ratio[k]:.5g}",
             f"{robot.rotor_inertia[k]:.4g}",
         )
@@ -123,8 +130,8 @@ def link_table(links: Sequence[Link]) -> Table:
     )
 
 
-def _or_any(limit: float) -> str:
-    return f"{limit:.4g}" if np.isfinite(limit) else "any"
+def _or_any(limit: float, digits: int = 4) -> str:
+    return f"{limit:.{digits}g}" if np.isfinite(limit) else "any"
 
 
 # --- the scene -----------------------------------------------------------------------------------
@@ -251,9 +258,11 @@ def robot_html(robot: Robot, path: Path) -> None:
 def _notes(robot: Robot) -> list[Block]:
     """Return what was changed on reading the robot's file, and what is not drawn."""
     accepted, left_out = robot.accepted, drawable(robot)[1]
+    lacking = limits_of_use(robot)
     changed = f"Changed on reading {robot.path.name}:"
     return [
         *([changed, bullets(accepted)] if accepted else []),
+        *(["For use beyond this view:", bullets(lacking)] if lacking else []),
         *(["Not drawn:", bullets(left_out)] if left_out else []),
     ]
 
