@@ -22,6 +22,7 @@ import runpy
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
+from unittest import mock
 
 import matplotlib.image
 import numpy as np
@@ -78,6 +79,7 @@ SCRIPTS = {
     "figure6": "figure6_axis_ctc",
     "coupled_loop": "coupled_loop",
 }
+HOWTO = {x: x for x in ("gain", "temperature", "linear", "stops", "felt")} | {"probes": "loop"}
 CONTROLLERS = ("pi", "pi_ctc", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 
 
@@ -200,20 +202,13 @@ def identification() -> Figure:
         inverse_dynamics(robot, motion.q, motion.v, motion.vd)
         for robot in (device, design.device.nominal, identified)
     )
-    torques = over_time(
-        "torque [N m], joint side",
-        motion.time,
-        [("needed by the device", Look(PALETTE[0]), needed)],
-        device.joint_names,
-    )
-    missed = over_time(
-        "missed [N m], joint side",
-        motion.time,
-        [
-            ("missed by the file", Look(PALETTE[7], "--"), needed - file),
-            ("missed by the identified robot", Look(PALETTE[1]), needed - found),
-        ],
-    )
+    whole = [("needed by the device", Look(PALETTE[0]), needed)]
+    torques = over_time("torque [N m], joint side", motion.time, whole, device.joint_names)
+    parts = [
+        ("missed by the file", Look(PALETTE[7], "--"), needed - file),
+        ("missed by the identified robot", Look(PALETTE[1]), needed - found),
+    ]
+    missed = over_time("missed [N m], joint side", motion.time, parts)
     for name, torque in (("file", file), ("identified", found)):
         left = np.sqrt(np.mean((needed - torque) ** 2, axis=0) / np.mean(needed**2, axis=0))
         print(f"{name} misses {' '.join(f'{100 * x:.2f}' for x in left)} % of the RMS torque")
@@ -231,6 +226,15 @@ def sizing(studies: Path) -> Figure:
     what, _ = load_sizing("package://sdt/studies/sizing.yaml")
     verdicts = judge_candidates(what, read_study_table(studies / "sizing"))
     return sizing_front("Motor sets and structures, each in all motions", verdicts)
+
+
+def howto(page: str) -> Figure:
+    """What the code on a page of the documentation saves."""
+    text = (HERE.parent / f".github/docs/pages/howto/{page}.md").read_text(encoding="utf-8")
+    saved = []
+    with mock.patch.object(Figure, "savefig", lambda figure, _: saved.append(figure)):
+        exec(text.split("```python\n")[1].split("```")[0], {})
+    return saved[-1]
 
 
 # --- the device ------------------------------------------------------------------------------
@@ -288,17 +292,14 @@ def looking(eye: np.ndarray, target: np.ndarray) -> RigidTransform:
 # --- all of them -----------------------------------------------------------------------------
 
 
+MADE = (figure3, coupled_loop, controllers, stability, filters, observer, gears, identification)
+
+
 def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
     """What draws each, by name."""
     return {
-        "figure3": figure3,
-        "coupled_loop": coupled_loop,
-        "controllers": controllers,
-        "stability": stability,
-        "filters": filters,
-        "observer": observer,
-        "gears": gears,
-        "identification": identification,
+        **{draw.__name__: draw for draw in MADE},
+        **{name: partial(howto, page) for name, page in HOWTO.items()},
         "monte_carlo": partial(monte_carlo, studies),
         "sizing": partial(sizing, studies),
         **{f"training_{motion}": partial(training, motion) for motion in shipped_motions()},

@@ -1,9 +1,12 @@
 """`import sdt_drake as sdt`: names; objects in a line, as tables, as figures; wrong arguments."""
 
 import ast
+import base64
 import copy
 import dataclasses
 import inspect
+import json
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -21,6 +24,7 @@ from pydrake.systems.primitives import Adder, Sine
 import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.frequency_response import frequency_response
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import aligned, formatted, rounded
 from sdt_drake.motion import Motion
 from sdt_drake.run.simulate import simulate
@@ -91,6 +95,24 @@ def test_objects_have_short_reprs(robot, short, run):
     assert [line.split()[1] for line in str(run).splitlines()[2:]] == [f"{x:.4f}" for x in largest]
     scenario = dataclasses.replace(short.scenario, name="<b>")
     assert "&lt;b&gt;: PI + CTC on the coupled plant" in scenario._repr_html_()
+
+
+def test_comparison_over_time_and_its_page_show_the_errors_of_each_joint(short, run, tmp_path):
+    compared = Comparison([Compared("pi_ctc", short, run)])
+    for ax, error in zip(compared.plot(over_time=True).axes, run.speed_error.T, strict=True):
+        np.testing.assert_array_equal(ax.lines[0].get_ydata(), error)
+    compared.page(tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    plots = [json.loads(x) for x in re.findall(r'application/json">(.*?)</script>', page)]
+    units = ["rad/s", "deg", "N m"]
+    errors = (run.speed_error, np.degrees(run.position_error), run.tau)
+    for own, unit, values in zip(plots, units, errors, strict=True):
+        for panel, expected in zip(own["panels"], values.T, strict=True):
+            assert f"[{unit}]" in panel["y_label"]
+            shown = base64.b64decode(own["arrays"][panel["lines"][0]["values"]])
+            np.testing.assert_allclose(np.frombuffer(shown, "<f4"), expected, rtol=1e-6)
+    with pytest.raises(InputError, match="html"):
+        compared.page(tmp_path / "a.png")
 
 
 @given(st.lists(st.lists(st.text("abc", min_size=1, max_size=9), max_size=9), min_size=1))

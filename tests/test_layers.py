@@ -12,7 +12,9 @@ import grimp
 PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 
 HIGHER = {
-    ("analysis/comparison.py", "show.figures.runs:comparison"),
+    ("analysis/comparison.py", "show.figures.compared:comparison"),
+    ("analysis/comparison.py", "show.figures.compared:overlays"),
+    ("analysis/comparison.py", "show.reports.compare:write_comparison_page"),
     ("analysis/frequency_response.py", "show.figures.runs:bode"),
     ("analysis/frequency_response.py", "show.figures.coupled_loop:coupled_loop"),
     ("analysis/loop_step.py", "show.figures.runs:loop_step"),

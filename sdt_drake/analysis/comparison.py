@@ -91,9 +91,24 @@ class Comparison(list[Compared], Shown):
 
     __repr__ = Shown.__repr__  # not that of a list
 
-    def plot(self) -> Figure:
-        """Return a figure of errors and torques by controller, side by side."""
-        return higher("show.figures.runs:comparison")(f"Comparison {self.summary().title}", self)
+    def plot(self, *, over_time: bool = False) -> Figure:
+        """Return a figure of errors and torques by controller, side by side.
+
+        Args:
+            over_time: draw speed errors over each other, as in the paper's Figure 8.
+        """
+        title = f"Comparison {self.summary().title}"
+        if over_time:
+            return higher("show.figures.compared:overlays")(title, self)
+        return higher("show.figures.compared:comparison")(title, self)
+
+    def page(self, path: str | Path) -> None:
+        """Write a page (.html) with errors and torques over time, to zoom, and both tables.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        higher("show.reports.compare:write_comparison_page")(self, Path(path))
 
     def to_pandas(self) -> DataFrame:
         """Return METRICS in their computed units (SI), a row for each controller and joint.

@@ -102,6 +102,31 @@ def probe_panels(recording: Recording) -> dict[str, list[Panel]]:
     return panels
 
 
+@typed
+def probes(title: str, recording: Recording) -> Figure:
+    """Draw the probes of a run over time, a panel for each probe and unit.
+
+    Raises:
+        InputError: if the run has no probe.
+    """
+    panels = [panel for own in probe_panels(recording).values() for panel in own]
+    if not panels:
+        raise InputError("recording: has no probes, expected a run with probes=[...]")
+    return picture(title, [panels])
+
+
+@typed
+def windings(title: str, recording: Recording, design: Design) -> Figure:
+    """Draw the temperatures of the motors' windings over time.
+
+    Raises:
+        InputError: if the run has no windings.
+    """
+    if recording.winding_temperature is None:
+        raise InputError("recording: has no windings, expected a scenario with plant.windings")
+    return picture(title, [warm_windings(recording, design)])
+
+
 SATURATED = "saturated: less torque than commanded"
 
 
