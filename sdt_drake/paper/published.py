@@ -19,11 +19,11 @@ TABLE1: dict[str, tuple[str, ...]] = {
 """Table 1 as printed, joints 1 to 4. Inertia [kg m²] and gains [N m s/rad, N m/rad] motor side;
 zeta [-] is at the largest, median and smallest effective inertia."""
 
-FIGURE4: dict[str, dict[str, float]] = {
-    "pi": {"rise_time": 0.022, "settling_time": 0.16, "overshoot_percent": 13.53},
-    "p_in_feedback": {"rise_time": 0.094, "settling_time": 0.159, "overshoot_percent": 0.0},
+FIGURE4: dict[str, dict[str, str]] = {
+    "pi": {"rise_time": "0.022", "settling_time": "0.16", "overshoot_percent": "13.53"},
+    "p_in_feedback": {"rise_time": "0.094", "settling_time": "0.159", "overshoot_percent": "0.0"},
 }
-"""Step responses of axis 1 [s, s, %], from the text of Section 3.3."""
+"""Step responses of axis 1 [s, s, %] as printed in the text of Section 3.3."""
 
 FIGURE4_ZETA: dict[str, float] = {"pi": 1.0, "p_in_feedback": 0.95}
 """Damping ratio of each structure in Figure 4 [-]."""
@@ -31,8 +31,9 @@ FIGURE4_ZETA: dict[str, float] = {"pi": 1.0, "p_in_feedback": 0.95}
 OMEGA_0_OVER_OMEGA_N = "0.32"
 """Oscillation over natural frequency for zeta = 0.95, as printed in Section 4 [-]."""
 
-JOINT2_PI_MAX_ERROR: dict[str, float] = {"i_eff_max": 1.08, "i_eff_min": 1.204}
-"""Largest speed error of joint 2 with PI alone, by inertia of the process [rad/s] (Section 4)."""
+JOINT2_PI_MAX_ERROR: dict[str, str] = {"i_eff_max": "1.08", "i_eff_min": "1.204"}
+"""Largest speed error of joint 2 with PI alone, by inertia of the process, as printed [rad/s]
+(Section 4)."""
 
 
 def table1(key: str) -> list[float]:

@@ -54,6 +54,25 @@ def claims_in_words(claims: Sequence[tables.Json]) -> str:
     return " ".join(sentences)
 
 
+def errata(claims: Sequence[tables.Json]) -> Marked:
+    """Return the list of all claims of summary.json that were not reproduced, as Markdown."""
+    parts = []
+    for (kind, verdict), title in _LISTED.items():
+        own = [c["in_short"] for c in claims if (c["kind"], c["verdict"]) == (kind, verdict)]
+        parts += [f"{title.format(n=len(own))}\n\n{bullets(own)}"] if own else []
+    return Marked("\n\n".join(parts))
+
+
+_LISTED = {
+    (judged.OF_THE_PAPER, judged.NOT_REPRODUCED): "Not reproduced, {n} claims of the paper:",
+    (judged.OF_THE_PAPER, judged.NOT_COMPARABLE): (
+        "Not comparable, {n} claims of the paper that need its device or its motion, which are not "
+        "published:"
+    ),
+    (judged.BEYOND, judged.NOT_REPRODUCED): "Beyond the paper, {n} questions that it does not ask:",
+}
+"""Titles of the lists of claims that do not hold, by kind and verdict."""
+
 _KINDS = {
     judged.OF_THE_PAPER: "Of {n} claims of the paper that were computed independently: {counts}.",
     judged.BY_CONSTRUCTION: "{n} more agree by construction, as the device is calibrated to them.",
@@ -191,9 +210,7 @@ def _values(summary: tables.Json, *, has_device: bool) -> dict[str, Any]:
     return {
         **_numbers(summary), **summary["versions"],
         "findings": bullets(findings(summary)), "counted": claims_in_words(claims),
-        "verdicts": tiles(
-            (n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()
-        ),
+        "verdicts": tiles(_tiles(claims)), "errata": errata(claims),
         "device": [turn, Page(RECORDING, "Load the 3D recording")] if has_device else [],
         "claims": Rows(["claim", "place", "published", "computed", "verdict"],
                        list(map(_claim, claims))),
@@ -219,6 +236,17 @@ def _values(summary: tables.Json, *, has_device: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _tiles(claims: Sequence[tables.Json]) -> Iterator[tuple[int, str, str]]:
+    """Yield counts of the paper's own claims by verdict, then of those that are no test of it."""
+    of = {kind: [c for c in claims if c["kind"] == kind] for kind in judged.KINDS}
+    for verdict, n in count_verdicts(of[judged.OF_THE_PAPER]).items():
+        yield n, verdict, LOOKS[verdict][0]
+    yield len(of[judged.BY_CONSTRUCTION]), judged.BY_CONSTRUCTION, LOOKS[judged.NOT_COMPARABLE][0]
+    for verdict, n in count_verdicts(of[judged.BEYOND]).items():
+        if n:
+            yield n, f"{judged.BEYOND}: {verdict}", LOOKS[verdict][0]
+
+
 _SPEEDS = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
 _POSITION = "max_abs_position_error"
 
@@ -226,5 +254,6 @@ _POSITION = "max_abs_position_error"
 def _claim(claim: tables.Json) -> Row:
     verdict, (look, sign) = claim["verdict"], LOOKS[claim["verdict"]]
     values = [tables.in_a_cell(claim[name]) for name in ("published", "computed")]
-    cells = [claim["statement"], claim.get("place", ""), *values, f"{sign} {verdict}"]
-    return Row(cells, [tables.value_table(claim), claim["why"]], verdict, look)
+    cells = [claim["statement"], claim["place"], *values, f"{sign} {verdict}"]
+    own = [tables.value_table(claim), f"Agreement: {claim['agrees']}.", claim["why"]]
+    return Row(cells, own, verdict, look)

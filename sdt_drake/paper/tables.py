@@ -119,7 +119,7 @@ def steps_table(steps: Json) -> Table:
         "overshoot_percent": ("overshoot [%]", ".3f"),
     }
     structures = {"pi": "PI on the error", "p_in_feedback": "I-P"}
-    published = [[f"{steps['published'][key][name]:g}" for name in columns] for key in structures]
+    published = [[steps["published"][key][name] for name in columns] for key in structures]
     return _pairs(columns, structures.values(), [steps[key] for key in structures], published)
 
 

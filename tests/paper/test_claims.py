@@ -2,15 +2,17 @@
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.variants import overruled
 
-from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
+from sdt_drake.paper.claims import OF_THE_PAPER, REPRODUCED, VERDICTS, judge_claims
+from sdt_drake.paper.report import errata
 from sdt_drake.paper.reproduction import Case
+from sdt_drake.show.sections import marked
 
 AXIS_PI = Case("axis", "i_eff_max", "printed", "pi")
 AXIS_CTC = Case("axis", "i_eff_max", "printed", "pi_ctc", 0.05)
@@ -20,6 +22,7 @@ COUPLED_PI = Case("coupled", "multibody", "consistent", "pi")
 COUPLED_CTC = Case("coupled", "multibody", "consistent", "pi_ctc")
 GOOD, BAD, OPEN = VERDICTS
 ROOT = Path(__file__).resolve().parents[2]
+LIST = "<!-- claims: what `sdt-drake reproduce` does not reproduce -->", "<!-- end of claims -->"
 
 # What holds on the reference device, by hand and from an independent calculation: K_IS,4 and
 # omega_0 do not follow from the paper's own formulas, d_44 is constant, the printed third branch
@@ -190,6 +193,18 @@ def test_documents_count_the_claims_that_hold(claims, page):
     assert [int(number) for number in (*told, *others.groups())] == counts
 
 
+def test_list_of_what_is_not_reproduced_is_that_of_the_claims(claims, request):
+    page, (begin, end) = ROOT / "models/README.md", LIST
+    text = page.read_text(encoding="utf-8")
+    before, after = text.partition(begin)[0], text.partition(begin)[2].partition(end)[2]
+    own = f"{before}{begin}\n\n{errata(list(map(asdict, claims.values())))}\n\n{end}{after}"
+    if request.config.getoption("regen_all"):
+        page.write_text(own, encoding="utf-8")
+    assert text == own
+    bad = [c for c in claims.values() if c.verdict != REPRODUCED]
+    assert all(f"- {marked(c.in_short)}\n" in own for c in bad) and len(bad) == 5 + 7 + 2
+
+
 # --- other numbers ---------------------------------------------------------------------------
 
 
@@ -210,8 +225,8 @@ CASES = [
     ("ctc_zero_steady_error", lambda s: steady(s, AXIS_CTC, {4: 0.003}), BAD),
     ("joint2_errors_from_load_jumps", lambda s: with_peak_and_jump(s, 2000, 1990, -1500), GOOD),
     ("joint2_errors_from_load_jumps", lambda s: with_peak_and_jump(s, 2000, 1900, 1500), BAD),
-    ("joint2_pi_error_i_eff_max", lambda s: largest(s, AXIS_PI, {2: 1.01 * 1.08}), GOOD),
-    ("joint2_pi_error_i_eff_min", lambda s: largest(s, MIN_PI, {2: 1.01 * 1.204}), GOOD),
+    ("joint2_pi_error_i_eff_max", lambda s: largest(s, AXIS_PI, {2: 1.0849}), GOOD),
+    ("joint2_pi_error_i_eff_min", lambda s: largest(s, MIN_PI, {2: 1.2036}), GOOD),
     ("deterioration_at_i_eff_min",
      lambda s: largest(s, MIN_PI, {2: 1.115 * _at(s, AXIS_PI, 2)}), GOOD),
     ("ctc_insensitive_to_inertia",
