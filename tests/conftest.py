@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import gc
 import hashlib
 import io
 import os
@@ -30,6 +31,11 @@ def pytest_configure(config):
     else:
         for name in ("helpers.browser", "helpers.command_line"):
             config.pluginmanager.import_plugin(name)
+
+
+def pytest_collection_finish():
+    """What is loaded now stays until the end: the garbage collector need not look through it."""
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items):
@@ -145,33 +151,39 @@ class _Pickler(pickle.Pickler):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures as files of few bytes: drawing takes most of the time of a report."""
-    _draw_less(monkeypatch, {"svg": "<svg xmlns='http://www.w3.org/2000/svg'><!-- {} --></svg>"})
+    _draw_less(monkeypatch)
 
 
-@pytest.fixture
-def once_drawn(monkeypatch):
-    """Figures as SVG alone: their .png, the same drawn again, have few bytes."""
-    _draw_less(monkeypatch, {})
-
-
-def _draw_less(monkeypatch, formats):
+def _draw_less(monkeypatch):
     """Write files that differ as soon as a line, a text or what is in a figure does."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
-    formats, draw = formats | {"png": "\x89PNG\r\n\x1a\n {}"}, Figure.savefig
+    svg = "<svg xmlns='http://www.w3.org/2000/svg' width='600' height='400'><!-- {} -->{}</svg>"
+    formats, draw = {"svg": svg, "png": "\x89PNG\r\n\x1a\n {} {}"}, Figure.savefig
 
     def savefig(self, file, *, format, **options):
         if format not in formats:
             return draw(self, file, format=format, **options)
-        lines, texts = self.findobj(Line2D), self.findobj(Text)
-        content = [type(x).__name__ for x in self.findobj()], [x.get_text() for x in texts]
-        content += ([x.get_xydata().tobytes() for x in lines],)
+        drawn = [*_drawn(self)]
+        content = [type(x).__name__ for x in drawn]
+        content += [x.get_text() for x in drawn if isinstance(x, Text)]
+        content += [x.get_xydata().tobytes() for x in drawn if isinstance(x, Line2D)]
         digest = hashlib.sha256(repr(content).encode()).hexdigest()
-        return file.write(formats[format].format(digest).encode("latin-1"))
+        axes = "".join(f'<g id="axes_{k + 1}"/>' for k in range(len(self.axes)))
+        return file.write(formats[format].format(digest, axes).encode("latin-1"))
 
     monkeypatch.setattr(Figure, "savefig", savefig)
+
+
+def _drawn(artist):
+    """An artist and all in it but ticks, which matplotlib would make for that."""
+    from matplotlib.axis import Axis
+
+    yield artist
+    for child in [artist.label] if isinstance(artist, Axis) else artist.get_children():
+        yield from _drawn(child)
 
 
 @pytest.fixture(scope="session")
@@ -242,7 +254,7 @@ def designed(_reference_design):
 
 @pytest.fixture(scope="session")
 def _reproduced(once):
-    """What one run of `sdt-drake reproduce` has written and computed, with `once_drawn`."""
+    """What one run of `sdt-drake reproduce` has written and computed, `undrawn`."""
 
     from sdt_drake.cli.app import main
     from sdt_drake.paper import reproduction as module
@@ -256,7 +268,7 @@ def _reproduced(once):
 
         with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()):
             patch.setattr(module, "reproduce", keep)
-            _draw_less(patch, {})
+            _draw_less(patch)
             assert main(["reproduce", "--out", str(folder)]) == 0
         return folder, computed[0]
 

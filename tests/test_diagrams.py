@@ -84,6 +84,7 @@ def test_committed_diagrams_equal_loops_of_today(name):
     assert blocks and blocks <= set(re.findall(r'<g id="([^"]+)"', svg))
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("name", STUDIES)
 def test_committed_study_rows_equal_rows_of_today(name):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
@@ -95,6 +96,7 @@ def test_committed_study_rows_equal_rows_of_today(name):
         np.testing.assert_allclose(found, values[0], rtol=1e-3, atol=1e-5, err_msg=outcome)
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("name", ["leans", "inversion"])
 def test_committed_training_figures_show_motions_of_today(robot, name):
     """All but the small errors of the run, for which it would have to be simulated."""
@@ -144,6 +146,7 @@ def test_redraw_needs_no_program_but_python(tmp_path):
 # --- the loops that are wired in the open ----------------------------------------------------
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize(
     ("script", "scenario", "fields"),
     [

@@ -14,6 +14,7 @@ MODULES = [
 ]
 
 
+@pytest.mark.documents
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_in_docstrings_print_what_they_show(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

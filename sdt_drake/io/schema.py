@@ -8,7 +8,7 @@ import itertools
 import textwrap
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from pydantic import ConfigDict, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
@@ -58,7 +58,7 @@ class _Generator(GenerateJsonSchema):
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> Schema:
         made = super().dataclass_schema(schema)
-        for name, text in _docstrings(schema["cls"]).items():
+        for name, text in _docstrings(cast(Any, schema["cls"])).items():
             if name in made["properties"]:
                 made["properties"][name] = {"description": text} | made["properties"][name]
         return made
@@ -83,6 +83,7 @@ def schema_of(model: Any) -> Schema:
     return made
 
 
+@cache
 def _docstrings(model: type) -> dict[str, str]:
     """Return the docstrings of a dataclass' fields, also of inherited ones.
 

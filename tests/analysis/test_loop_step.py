@@ -62,9 +62,9 @@ def test_load_step_of_an_axis_is_carried_by_the_integral(designed, joint):
 
 def test_axis_steps_superpose_at_rest_and_in_motion(designed):
     resting = designed("axis_pi_ctc", motion=REST)
-    moving = designed("axis_pi_ctc", end=2.8)
+    moving = designed("axis_pi_ctc", start=2.2, end=2.8)
     one = sdt.step(resting, input="tau_cmd", joint=2, size=100.0, duration=0.3)
-    two = sdt.step(moving, input="tau_cmd", joint=2, size=-200.0, at=2.4, duration=0.3)
+    two = sdt.step(moving, input="tau_cmd", joint=2, size=-200.0, at=0.2, duration=0.3)
     for name in ("q", "v", "tau_cmd"):
         response = getattr(one, name)
         size = np.abs(response).max()
@@ -78,8 +78,8 @@ def test_axis_steps_superpose_at_rest_and_in_motion(designed):
 def test_torque_command_acts_as_negative_load(designed, anti_windup):
     """On all joints of the moving device, whose accelerations couple them."""
     fields = {"controller.anti_windup": anti_windup, "plant.friction.viscous": [50.0] * 4}
-    design = designed("coupled_pi_ctc", fields, end=2.8)
-    step = {"joint": 2, "at": 2.6, "duration": 0.15}
+    design = designed("coupled_pi_ctc", fields, start=2.4, end=2.8)
+    step = {"joint": 2, "at": 0.2, "duration": 0.15}
     command = sdt.step(design, input="tau_cmd", size=300.0, **step)
     load = sdt.step(design, input="extra_load_torque", size=-300.0, **step)
     for name in ("q", "v"):
@@ -113,8 +113,8 @@ def test_feedforward_ignores_reference_step(designed):
     found = []
     for how in ("table", "online"):
         fields = {"controller.kind": "pi_id", "inverse_dynamics": how}
-        design = designed("coupled_pi", fields, end=2.2)
-        found.append(sdt.step(design, joint=1, size=0.05, at=2.1, duration=0.05))
+        design = designed("coupled_pi", fields, start=2.0, end=2.2)
+        found.append(sdt.step(design, joint=1, size=0.05, at=0.1, duration=0.05))
     np.testing.assert_allclose(found[1].v, found[0].v, rtol=0, atol=1e-9)
     assert abs(found[0].tau_cmd[0, 1]) < 1e-9
 

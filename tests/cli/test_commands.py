@@ -74,7 +74,7 @@ def short_flight(desk):
 
 @pytest.mark.parametrize("name", TABLE["lines"])
 def test_commands_print_and_write_as_committed(
-    name, here, call, desk, once_drawn, request, file_regression
+    name, here, call, desk, undrawn, request, file_regression
 ):
     lines = TABLE["lines"][name]
     for line in lines:

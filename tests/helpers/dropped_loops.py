@@ -23,7 +23,7 @@ motion = sdt.Motion.from_speeds(0.005, np.zeros(4), np.outer(swing, [0.1] * 4)) 
 cases = [(name, {}) for name in sys.argv[2:]] + [("coupled_pi_ctc", {"inverse_dynamics": "online"})]
 designs = [sdt.design(sdt.load(*case), motion=motion) for case in cases]
 before = 0.0
-for runs in (5, -(-int(sys.argv[1]) // len(designs))):
+for runs in (3, -(-int(sys.argv[1]) // len(designs))):
     before = resident()
     for design in designs * runs:
         sdt.simulate(sdt.loop(design))

@@ -8,7 +8,7 @@ import numpy as np
 
 from oracles.pinocchio_model import pinocchio_robot
 
-STEP = 5e-4  # s
+STEP = 1e-3  # s
 
 
 def braked(robot, brakes, q, v, ramp, released, closed):

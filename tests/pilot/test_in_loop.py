@@ -16,7 +16,7 @@ from sdt_drake.run.simulate import make_simulator, simulate
 
 EXACT = {"accuracy": 1e-10}
 HAIR = 1e-10  # s
-STEPS = 20  # in a period
+STEPS = 12  # in a period
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def walked(design, steps):
 def test_felt_attitude_is_that_of_the_equations_afterwards(designed, feeling):
     """Runge and Kutta's method on the observer's equations, along what the head did in a run of its
     own: equal to 1e-6 rad and rad/s."""
-    design = designed("coupled_pi_ctc", EXACT, start=9.0, end=9.3)
+    design = designed("coupled_pi_ctc", EXACT, start=9.0, end=9.1)
     first, ends, h = walked(design, STEPS)
     f, omega = -first[:3] / 9.81, first[3:]
     down = f / np.linalg.norm(f)
@@ -95,7 +95,7 @@ def test_felt_attitude_is_that_of_the_equations_afterwards(designed, feeling):
         k3 = rates(x + h / 2 * k2, middle)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rates(x + h * k3, before))
         felt.append(orientation_observer(x, *np.split(before, 2))[0])
-    run = simulate(designed("coupled_pi_ctc", EXACT | feeling, start=9.0, end=9.3))
+    run = simulate(designed("coupled_pi_ctc", EXACT | feeling, start=9.0, end=9.1))
     gravity, rate = (np.array([y[name] for y in felt[::STEPS]]) for name in ("gravity", "rate"))
     roll = np.arctan2(-gravity[:, 1], -gravity[:, 2])
     pitch = np.arctan2(-gravity[:, 0], np.hypot(gravity[:, 1], gravity[:, 2]))
@@ -107,7 +107,7 @@ def test_felt_attitude_is_that_of_the_equations_afterwards(designed, feeling):
 
 def test_offline_figures_are_those_of_the_loop_but_for_their_differences(designed):
     """They take accelerations from samples of speeds, and are good to 0.01 deg."""
-    run = simulate(make_loop(designed("coupled_pi_ctc", end=4.0), pilot=True))
+    run = simulate(make_loop(designed("coupled_pi_ctc", end=2.5), pilot=True))
     head = head_motion_of_samples(designed("coupled_pi_ctc", end=0.1).nominal, 0.005, run.q, run.v)
     felt = feel(head, 0.005, "clark2019")
     attitude = np.transpose([felt.roll, felt.pitch])
@@ -126,11 +126,11 @@ def test_noise_has_its_sizes_and_is_that_of_its_seed(designed):
     noise = {"pilot.model": "clark2019", "pilot.force_noise": 0.3, "pilot.rate_noise": 0.02}
 
     def sensed(**fields):
-        loop = make_loop(designed("coupled_pi", noise | fields, end=4.0))
+        loop = make_loop(designed("coupled_pi", noise | fields, end=2.0))
         run = simulate(loop)
         return np.hstack([run.probes[f"pilot.{x}"] for x in ("specific_force", "angular_rate")])
 
-    quiet = simulate(make_loop(designed("coupled_pi", end=4.0), pilot=True)).probes
+    quiet = simulate(make_loop(designed("coupled_pi", end=2.0), pilot=True)).probes
     truth = np.hstack([quiet["pilot.specific_force"], quiet["pilot.angular_rate"]])
     one, again, other = sensed(), sensed(), sensed(**{"pilot.seed": 1})
     np.testing.assert_array_equal(one, again)

@@ -22,7 +22,7 @@ LOOPS = Path(__file__).parents[1] / "helpers" / "dropped_loops.py"
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_dropped_loops_leave_no_memory():
     """Of every shipped scenario, and with torques on line, which are Python; each kept 0.6 MB."""
-    command = [sys.executable, LOOPS, "200", *shipped("scenario")]
+    command = [sys.executable, LOOPS, "80", *shipped("scenario")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert float(done.stdout) < 20  # MB
 

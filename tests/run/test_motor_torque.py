@@ -67,7 +67,7 @@ def test_lagged_torque_is_as_accurate_as_told(designed, bandwidth):
     """At the default accuracy, against 1e-8."""
     fields = {"drive": Drive(torque_bandwidth=bandwidth)}
     designs = [
-        designed("coupled_pi", fields | {"accuracy": accuracy}, start=5.0, end=6.0)
+        designed("coupled_pi", fields | {"accuracy": accuracy}, start=5.0, end=5.3)
         for accuracy in (1e-4, 1e-8)
     ]
     runs, limit = [simulate(x) for x in designs], designs[0].device.simulated.motor_torque_limit

@@ -23,7 +23,7 @@ NAMES = ["tau_fb", "tau_ff", "load_torque", "device.elastic_joints.deflection", 
 
 @pytest.fixture(scope="module")
 def elastic(designed):
-    return designed("coupled_pi_ctc", ELASTIC, start=0.5, end=1.0)
+    return designed("coupled_pi_ctc", ELASTIC, start=0.5, end=0.65)
 
 
 @pytest.fixture(scope="module")
