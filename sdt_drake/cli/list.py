@@ -119,6 +119,8 @@ def _print_one(motion: str, robot: RobotModel) -> None:
         assert found is not None, "the profile names its intended illusion"
         for model in found.predicted:
             echo_wrapped(found.sentence(model))
+        if found.meant.reported:
+            echo_wrapped(f"people report: {found.meant.reported}")
         echo_wrapped(CAUTION)
     echo()
     print_table(

@@ -112,7 +112,12 @@ def validate(*, robot: common.OtherRobot = None) -> None:
     from sdt_drake.pilot.head import check_head
     from sdt_drake.pilot.illusions import intended_illusions
     from sdt_drake.pilot.orientation import CAUTION
-    from sdt_drake.show.reports.perception import intended_table, reported_notes, reported_table
+    from sdt_drake.show.reports.perception import (
+        INTENDED,
+        intended_table,
+        reported_notes,
+        reported_table,
+    )
 
     model = sdt.load_robot(robot or common.ROBOT)
     check_head(model)
@@ -125,8 +130,9 @@ def validate(*, robot: common.OtherRobot = None) -> None:
     for note in reported_notes(rows):
         echo_wrapped(note, "- ")
     echo()
-    echo("The illusion of each training motion, felt minus true [deg, deg/s]; ✗ too small to feel")
+    echo("The illusion of each training motion [deg, deg/s]")
     print_document_table(intended_table(intended_illusions(model)))
+    echo_wrapped(INTENDED, "")
     echo()
     echo_wrapped(CAUTION, "")
 
@@ -155,13 +161,15 @@ def people(
 
     model = sdt.load_robot(robot or common.ROBOT)
     check_head(model)
-    head = planned_head(motion, model)
-    for own in feelings(illusion_of(motion), head, PERIOD, gains, pilots):
+    head, meant = planned_head(motion, model), illusion_of(motion)
+    by_value = meant is not None and meant.of == "felt"
+    how, value = ("felt with", "Felt value") if by_value else ("wrong by", "Felt minus true")
+    for own in feelings(meant, head, PERIOD, gains, pilots):
         unit = unit_of(own.quantity)
         low, middle, high = np.percentile(own.errors, [5, 50, 95])
         echo_wrapped(
-            f"{own} are predicted to feel the illusion of {motion}: {own.quantity} wrong by more "
-            f"than {LEVELS[own.quantity]:g} {unit}. Felt minus true: median {middle:+.1f} {unit}, "
+            f"{own} are predicted to feel the illusion of {motion}: {own.quantity} {how} more "
+            f"than {LEVELS[own.quantity]:g} {unit}. {value}: median {middle:+.1f} {unit}, "
             f"{low:+.1f} to {high:+.1f} {unit} for 90 % of the pilots.",
             "",
         )

@@ -81,20 +81,31 @@ FELT_QUANTITIES: tuple[FeltQuantity, ...] = get_args(FeltQuantity)
 
 @dataclass(frozen=True, kw_only=True)
 class IntendedIllusion(Input):
-    """The illusion that a motion should give: an error of the felt motion between two times."""
+    """The illusion that a motion should give: a value between two times, in the form of reports."""
 
     quantity: FeltQuantity
     """Quantity that should be felt wrongly: an angle from the true vertical, or a rate about an
     axis of the head (x forward, y left, z up)."""
+    of: Literal["error", "felt"] = "error"
+    """Value that counts: felt minus true (error), or the felt value itself (felt)."""
     sign: Annotated[int, Field(ge=-1, le=1)] = field(unit="-")
-    """Sign of the error, felt minus true: 1, -1, or 0 for either. Roll to the right, pitch nose up
-    and rates about x, y and z are positive."""
+    """Sign of that value: 1, -1, or 0 for either. Roll to the right, pitch nose up and rates about
+    x, y and z are positive."""
     start: NotNegative = field(unit="s")
     """Start of the interval in which the illusion is expected."""
     end: Positive = field(unit="s")
     """End of this interval."""
+    baseline: NotNegative | None = field(None, unit="s")
+    """Time whose value counts as 0; none by default."""
     from_start: bool = False
-    """True to evaluate the change of the error since start, not the error itself."""
+    """True for a baseline at start; goes in 0.7."""
+    reported: str = ""
+    """What people report of such a motion, with the source."""
+
+    @property
+    def zero_at(self) -> float | None:
+        """Time whose value counts as 0 [s]; None if there is none."""
+        return self.start if self.from_start and self.baseline is None else self.baseline
 
     def problems(self) -> Problems:
         """Yield an end that is not after the start."""

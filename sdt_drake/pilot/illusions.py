@@ -4,7 +4,7 @@ The file of a training motion names the illusion that it is intended to cause.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -112,28 +112,67 @@ def felt_apart(first: Percept, second: Percept) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
+class Value:
+    """The largest value of an intended illusion, in its direction."""
+
+    size: float
+    """Value [deg] or [deg/s]; 0 if there is none in the intended direction."""
+    start: float = np.nan
+    """First time in the interval of the illusion with a value above its level [s], or NaN."""
+    end: float = np.nan
+    """Last such time [s], or NaN."""
+
+
+@dataclass(frozen=True)
 class Intended:
     """The intended illusion of a motion, and its predictions by parameter set."""
 
     motion: str
     """Name of the motion."""
-    quantity: str
-    """A key of LEVELS."""
-    predicted: Mapping[str, float]
-    """Largest felt minus true value in the intended direction by parameter set [deg] or [deg/s]."""
+    meant: motions.IntendedIllusion
+    """The illusion that the motion should give."""
+    predicted: Mapping[str, Value]
+    """Largest value in the intended direction by parameter set."""
+    force_alone: Value
+    """The value of a pilot without canals: the force is down, and no rotation is felt."""
+
+    @property
+    def quantity(self) -> str:
+        """A key of LEVELS."""
+        return self.meant.quantity
+
+    @property
+    def needs_canals(self) -> bool:
+        """Whether a pilot without canals does not have the illusion."""
+        return abs(self.force_alone.size) <= LEVELS[self.quantity]
+
+    def is_felt(self, model: str) -> bool:
+        """Return whether the value of a parameter set is above its level."""
+        return abs(self.predicted[model].size) > LEVELS[self.quantity]
 
     def is_predicted(self, model: str) -> bool:
-        """Return whether a parameter set predicts the illusion above its level."""
-        return abs(self.predicted[model]) > LEVELS[self.quantity]
+        """Return whether a parameter set has the illusion, and a pilot without canals has not."""
+        return self.needs_canals and self.is_felt(model)
 
     def sentence(self, model: str) -> str:
-        """Return the prediction of a parameter set as a sentence."""
-        unit, error = unit_of(self.quantity), self.predicted[model]
-        if self.is_predicted(model):
-            return f"{model} predicts the illusion: {self.quantity} felt {error:+.1f} {unit} off."
+        """Return the prediction of a parameter set as a sentence, with its time."""
+        unit, own = unit_of(self.quantity), self.predicted[model]
+        off = " off" if self.meant.of == "error" else ""
+        if not self.is_felt(model):
+            return (
+                f"{model} does not predict the illusion: {self.quantity} felt at most "
+                f"{abs(own.size):.1f} {unit}{off}, noticed from {LEVELS[self.quantity]:g} {unit} "
+                "on."
+            )
+        felt = (
+            f"{self.quantity} felt {own.size:+.1f} {unit}{off}, from {own.start:.1f} to "
+            f"{own.end:.1f} s"
+        )
+        if self.needs_canals:
+            return f"{model} predicts the illusion: {felt}."
         return (
-            f"{model} does not predict the illusion: {self.quantity} felt at most {abs(error):.1f} "
-            f"{unit} off, noticed from {LEVELS[self.quantity]:g} {unit} on."
+            f"{model} has the illusion ({felt}), but so has a pilot without canals "
+            f"({self.force_alone.size:+.1f} {unit}): the force alone explains it."
         )
 
 
@@ -165,8 +204,17 @@ def intended(
     motion: str, meant: motions.IntendedIllusion, head: HeadMotion, felt: Mapping[str, Percept]
 ) -> Intended:
     """Return the intended illusion of a motion, from the percept of each parameter set."""
-    errors = {model: largest_error(own, head, meant) for model, own in felt.items()}
-    return Intended(motion, meant.quantity, errors)
+    values = {model: largest_value(own, head, meant) for model, own in felt.items()}
+    without = force_alone(next(iter(felt.values())))
+    return Intended(motion, meant, values, largest_value(without, head, meant))
+
+
+def force_alone(felt: Percept) -> Percept:
+    """Return the percept of a pilot without canals: the force is down, and no rotation is felt."""
+    size = np.linalg.norm(felt.specific_force, axis=1, keepdims=True)
+    still = np.zeros_like(felt.rate)
+    down = -felt.specific_force / size
+    return replace(felt, gravity=down, rate=still, acceleration=still)
 
 
 def intended_illusions(robot: Robot) -> list[Intended]:
@@ -187,10 +235,15 @@ def illusion_of(motion: str | Path) -> motions.IntendedIllusion | None:
     return motions.load_profile(file).illusion if file.suffix in (".yaml", ".yml") else None
 
 
-def largest_error(felt: Percept, head: HeadMotion, meant: motions.IntendedIllusion) -> float:
-    """Return the largest felt minus true value of the intended sign; 0 if there is none."""
+def largest_value(felt: Percept, head: HeadMotion, meant: motions.IntendedIllusion) -> Value:
+    """Return the largest value of an illusion in its direction; 0 if there is none."""
     own, true = quantities(felt, head)[meant.quantity]
-    error = (own - true)[(felt.time >= meant.start) & (felt.time <= meant.end)]
-    error = error - error[0] * meant.from_start
-    size = np.abs(error) if meant.sign == 0 else np.maximum(meant.sign * error, 0)
-    return float(error[size.argmax()] * (size.max() > 0))
+    value = own - true if meant.of == "error" else own
+    if meant.zero_at is not None:
+        value = value - np.interp(meant.zero_at, felt.time, value)
+    inside = (felt.time >= meant.start) & (felt.time <= meant.end)
+    time, value = felt.time[inside], value[inside]
+    size = np.abs(value) if meant.sign == 0 else np.maximum(meant.sign * value, 0)
+    above = time[size > LEVELS[meant.quantity]]
+    times = (float(above[0]), float(above[-1])) if len(above) else ()
+    return Value(float(value[size.argmax()] * (size.max() > 0)), *times)

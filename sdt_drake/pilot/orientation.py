@@ -154,7 +154,7 @@ def perceive(
     """
     _check(time, specific_force, angular_rate)
     chosen = model if isinstance(model, PerceptionModel) else load_perception(model)
-    count = max(round(np.ptp(time) / max(float(np.diff(time).mean()), MIN_PERIOD)), 1)
+    count = max(round(np.ptp(time) / max(float(np.median(np.diff(time))), MIN_PERIOD)), 1)
     period = float(np.ptp(time)) / count
 
     builder = DiagramBuilder()

@@ -15,7 +15,7 @@ from sdt_drake.io.progress import with_progress
 from sdt_drake.io.yaml_files import read_yaml
 from sdt_drake.motion import FELT_QUANTITIES, IntendedIllusion
 from sdt_drake.pilot.head import HeadMotion
-from sdt_drake.pilot.illusions import LEVELS, feel, largest_error
+from sdt_drake.pilot.illusions import LEVELS, feel, largest_value
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
 from sdt_drake.run.threads import threads
 
@@ -91,7 +91,7 @@ def feelings(
 
     def errors(pilot: PerceptionModel) -> list[float]:
         felt = feel(head, period, pilot)
-        return [largest_error(felt, head, one) for one in sought]
+        return [largest_value(felt, head, one).size for one in sought]
 
     pilots = draw_pilots(load_perception(model), count, seed)
     with threads(2) as pool:  # Drake steps without the interpreter lock

@@ -13,20 +13,21 @@ from sdt_drake.pilot.head import head_motion
 from sdt_drake.pilot.illusions import (
     PERIOD,
     Illusion,
-    Intended,
+    Value,
     feel,
     felt_apart,
+    force_alone,
     illusion_of,
     illusions,
     intended_illusion,
-    largest_error,
+    largest_value,
     planned_head,
     quantities,
     true_attitude,
 )
 from sdt_drake.pilot.pilots import Feeling, draw_pilots
 
-SETS = ("clark2019", "slow_yaw", "rader2009", "irmak2023")
+SETS = ("allred", "clark2015", "clark2019", "irmak2023", "rader2009", "slow_yaw")
 
 
 def held(robot, q, samples=50):
@@ -61,65 +62,118 @@ def test_angle_difference_is_the_short_way_round(robot):
 
 
 @pytest.mark.parametrize(
-    ("sign", "from_start", "expected"),
-    [(1, False, 3), (-1, False, -2), (0, False, 3), (0, True, -5), (1, True, 0)],
+    ("sign", "more", "expected"),
+    [
+        (1, {}, (2, 7.32, 8)),  # felt 1 to -5 less true 1 to -7
+        (-1, {}, (0,)),
+        (-1, {"of": "felt"}, (-5, 6.74, 8)),
+        (0, {"of": "felt"}, (-5, 6.74, 8)),
+        (0, {"of": "felt", "from_start": True}, (-6, 6.24, 8)),
+        (1, {"of": "felt", "baseline": 8}, (6, 5, 6.74)),
+        (1, {"of": "felt", "baseline": 5}, (0,)),
+    ],
 )
-def test_intended_illusion_has_sign_and_time(robot, sign, from_start, expected):
+def test_value_of_an_illusion_has_sign_time_and_baseline(robot, sign, more, expected):
     head = held(robot, [0, 0, 0, 0], samples=500)
     felt = feel(head, PERIOD, "clark2019")
-    rate = np.radians(np.interp(felt.time, [0, 3, 5, 8, 8.02], [9, 2, 3, -2, 9]))
-    wrong = replace(felt, rate=np.outer(rate, [0, 1, 0]))
-    meant = IntendedIllusion(
-        quantity="pitch rate", sign=sign, start=5, end=8, from_start=from_start
+    own = np.interp(felt.time, [0, 3, 5, 8, 8.02], [9, 1, 1, -5, 9])
+    true = np.interp(felt.time, [5, 8, 8.02], [1, -7, 0])
+    wrong = replace(felt, rate=np.outer(np.radians(own), [0, 1, 0]))
+    turning = replace(head, angular_velocity=np.outer(np.radians(true), [0, 1, 0]))
+    meant = IntendedIllusion(quantity="pitch rate", sign=sign, start=5, end=8, **more)
+    own = largest_value(wrong, turning, meant)
+    if "of" not in more:
+        expected = (2,) if sign == 1 else (0,)  # below the level of 2.5 deg/s
+    np.testing.assert_allclose(
+        [own.size, own.start, own.end], [*expected, *[np.nan] * (3 - len(expected))], atol=0.021
     )
-    assert largest_error(wrong, head, meant) == pytest.approx(expected, abs=1e-9)
 
 
 # --- training motions ---------------------------------------------------------------------------
+
+NEEDLESS = {"somatogravic"}
+"""Motions whose illusion a pilot without canals has, too."""
+
+
+@pytest.fixture(scope="module")
+def planned(robot):
+    """The head in each training motion."""
+    return {name: planned_head(name, robot) for name in shipped_motions()}
 
 
 @pytest.mark.documents
 @pytest.mark.parametrize("k", range(8))
 def test_table_of_illusions_equals_predictions(robot, k):
     """With one of the sets for each motion, in turn; the table shows which is not predicted."""
-    name, felt, *values, _ = rows_of_table("motion | felt")[k]
-    assert {row[0] for row in rows_of_table("motion | felt")} == set(shipped_motions())
-    found = intended_illusion(name, robot, [SETS[k % 4]])
-    assert felt.startswith(found.quantity)
-    assert found.predicted[SETS[k % 4]] == pytest.approx(float(values[k % 4]), abs=0.051)
-    level = 2.5 if "rate" in felt else 1.7
-    assert found.is_predicted(SETS[k % 4]) == (abs(found.predicted[SETS[k % 4]]) > level)
-    assert (min(abs(float(value)) for value in values) > level) == (name != "g_excess")
+    name, quantity, *values, none = rows_of_table("motion | value")[k]
+    assert {row[0] for row in rows_of_table("motion | value")} == set(shipped_motions())
+    chosen = SETS[k % len(SETS)]
+    found = intended_illusion(name, robot, [chosen])
+    assert quantity.startswith(found.quantity) and ("felt" in quantity) == (
+        found.meant.of == "felt"
+    )
+    sizes = {model: float(value.split()[0]) for model, value in zip(SETS, values, strict=True)}
+    assert found.predicted[chosen].size == pytest.approx(sizes[chosen], abs=0.051)
+    level = 2.5 if "rate" in quantity else 1.7
+    assert found.is_felt(chosen) == (abs(sizes[chosen]) > level)
+    felt = {model for model, size in sizes.items() if abs(size) > level}
+    assert felt == ({"clark2015"} if name == "g_excess" else set(SETS))
+    assert found.is_predicted(chosen) == (chosen in felt and name not in NEEDLESS)
+    assert found.force_alone.size == pytest.approx(float(none), abs=0.051)
 
 
-@pytest.mark.documents
-def test_five_illusions_need_no_canals(robot):
-    """A pilot who feels no rotation and takes the force for gravity; README says how many."""
-    rows = {name: float(row[-1]) for name, *row in rows_of_table("motion | felt")}
-    needless = []
-    for name, told in rows.items():
-        head, meant = planned_head(name, robot), illusion_of(name)
-        down = -head.specific_force
-        down = down / np.linalg.norm(down, axis=1, keepdims=True)
-        felt = replace(feel(head, PERIOD, "slow_yaw"), gravity=down, rate=0 * down)
-        error = largest_error(felt, head, meant)
-        assert error == pytest.approx(told, abs=0.051), name
-        if Intended(name, meant.quantity, {"none": error}).is_predicted("none"):
-            needless.append(name)
-    assert needless == ["leans", "graveyard_spiral", "coriolis", "somatogravic", "inversion"]
+def test_a_pilot_without_canals_has_the_somatogravic_illusion_alone(planned):
+    """Whose force is down, and who feels no rotation; by hand, without the observer."""
+    for name, head in planned.items():
+        meant = illusion_of(name)
+        f = head.specific_force
+        own = {
+            "roll": np.degrees(np.arctan2(f[:, 1], f[:, 2])),
+            "pitch": np.degrees(np.arctan2(f[:, 0], np.hypot(f[:, 1], f[:, 2]))),
+        }.get(meant.quantity, np.zeros(len(f)))
+        time = PERIOD * np.arange(len(f))
+        inside = (time >= meant.start) & (time <= meant.end)
+        if meant.of == "error":
+            roll, pitch = np.degrees(true_attitude(head))
+            rates = np.degrees(head.angular_velocity).T
+            true = dict(zip(quantities_of(), (roll, pitch, *rates), strict=True))
+            own = own - true[meant.quantity]
+        if meant.baseline is not None:
+            own = own - own[round(meant.baseline / PERIOD)]
+        largest = max(0, (meant.sign * own[inside]).max())
+        level = 2.5 if "rate" in meant.quantity else 1.7
+        assert (largest > level) == (name in NEEDLESS), (name, largest)
 
 
-def test_leans_bank_is_hidden_by_the_force_until_the_roll_upright(robot):
-    """Its bank is acos(1 / 1.06) = 19.4 deg; upright, the force lies as far to the right."""
-    head = planned_head("leans", robot)
+def quantities_of():
+    return ("roll", "pitch", "roll rate", "pitch rate", "yaw rate")
+
+
+def test_pilot_without_canals_feels_the_force_and_no_rotation(robot):
+    head = held(robot, [0, 0.2, 0.1, 0])
+    felt = force_alone(feel(head, PERIOD, "clark2019"))
+    np.testing.assert_allclose(felt.gravity, -head.rotation[:, 2], atol=1e-12)
+    assert not felt.rate.any() and not felt.acceleration.any()
+
+
+def test_illusion_of_the_force_alone_is_not_predicted(robot):
+    found = intended_illusion("somatogravic", robot, ["slow_yaw"])
+    assert found.is_felt("slow_yaw") and not found.is_predicted("slow_yaw")
+    assert found.force_alone == Value(
+        *map(pytest.approx, (30.8, 4.4, 37.7), [0.05, 1.5, 1.5], [0.05, 1.5, 1.5])
+    )
+    assert "but so has a pilot without canals (+30.8 deg)" in found.sentence("slow_yaw")
+
+
+def test_force_of_the_leans_stays_along_the_spine_and_hides_the_bank(planned):
+    """Its bank is acos(1 / 1.06) = 19.4 deg; it ends level, and only the canals tell a roll."""
+    head = planned["leans"]
     time = PERIOD * np.arange(len(head.rotation))
     roll = np.degrees(true_attitude(head)[0])
     force = np.degrees(np.arctan2(head.specific_force[:, 1], head.specific_force[:, 2]))
-    turning, upright = time < 48, (time > 50.2) & (time < 60)
-    assert roll[turning].min() == pytest.approx(-19.37, abs=0.05)
-    assert np.abs(force[turning]).max() < 1 and np.abs(roll[time > 50.2]).max() < 2
-    np.testing.assert_allclose(force[upright], 19.4, atol=0.5)
-    assert np.abs(np.gradient(roll[turning], PERIOD)).max() < 2.5  # Mulder's limit
+    assert roll[time < 60].min() == pytest.approx(-19.37, abs=0.05)
+    assert np.abs(force).max() < 1.3 and np.abs(roll[time > 63.5]).max() < 0.1
+    assert np.abs(np.gradient(roll[time < 60], PERIOD)).max() < 2.5  # Mulder's limit
 
 
 def test_motion_file_may_name_its_illusion(robot, tmp_path):
@@ -127,7 +181,7 @@ def test_motion_file_may_name_its_illusion(robot, tmp_path):
     own = tmp_path / "own.yaml"
     own.write_text(text.replace("sign: -1", "sign: 1"), encoding="utf-8")
     found = intended_illusion(str(own), robot, ["slow_yaw"])
-    assert found.predicted["slow_yaw"] == 0 and not found.is_predicted("slow_yaw")
+    assert found.predicted["slow_yaw"].size == 0 and not found.is_predicted("slow_yaw")
     assert "does not predict" in found.sentence("slow_yaw") and "2.5" in found.sentence("slow_yaw")
     assert illusion_of("reference") is None
 

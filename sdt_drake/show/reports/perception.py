@@ -22,15 +22,29 @@ def reported_notes(rows: Sequence[Judged]) -> list[str]:
     return [f"{row.id}: {row.stimulus}: {row.quantity}; {row.source}." for row in rows]
 
 
+INTENDED = (
+    "✓: predicted; (✓): felt, but by a pilot without canals, too; ✗: too small to feel. The value "
+    "is felt minus true, or the felt value itself where the row says felt."
+)
+
+
 def intended_table(rows: Sequence[Intended]) -> Table:
     """Make the table of the intended illusion of each training motion, with the predictions."""
     models = list(rows[0].predicted)
     cells = [
         [
             row.motion,
-            row.quantity,
-            *(f"{row.predicted[m]:+.1f} {'✓' if row.is_predicted(m) else '✗'}" for m in models),
+            f"{row.quantity}{', felt' * (row.meant.of == 'felt')}",
+            *(f"{row.predicted[model].size:+.1f} {_sign(row, model)}" for model in models),
+            f"{row.force_alone.size:+.1f}",
         ]
         for row in rows
     ]
-    return Table(["motion", "felt less true", *models], cells)
+    return Table(["motion", "value", *models, "no canals"], cells)
+
+
+def _sign(row: Intended, model: str) -> str:
+    """Return the sign of a prediction; see INTENDED."""
+    if not row.is_felt(model):
+        return "✗"
+    return "✓" if row.needs_canals else "(✓)"
