@@ -194,6 +194,7 @@ _SYMBOL = re.compile(
 
 
 _TAG = re.compile(r"<[^<>]*>")
+_BREAK = re.compile(r"(?<=[_.])(?=\w)(?![^<>]*>)")  # where a long name may break, not in a tag
 
 
 class _Html(str):
@@ -265,7 +266,8 @@ class _Page:
     def _table(self, table: doc.Table) -> str:
         styles = [' style="text-align:right"' if right else "" for right in table.is_numeric()]
         head = [
-            f"<th{look}>{self.inline(x)}</th>" for x, look in zip(table.header, styles, strict=True)
+            f"<th{look}>{_BREAK.sub('<wbr>', self.inline(x))}</th>"
+            for x, look in zip(table.header, styles, strict=True)
         ]
         lines = ["<thead>", "<tr>", *head, "</tr>", "</thead>", "<tbody>"]
         for row in table.rows:

@@ -34,6 +34,8 @@ class Field:
     """True for a list, in which every entry gets the value."""
     file: str
     """Kind of the file that the field names; "" if it names none."""
+    unit: str = ""
+    """Unit of a number; "" without one."""
 
     @property
     def touched(self) -> list[Field]:
@@ -97,7 +99,9 @@ def find_field(name: str) -> Field:
         fields = ", ".join(f"{name}.{field}" for field in node["properties"])
         raise InputError(f"a group of fields, expected one of {fields}", place=name)
     kind = ControllerOptions if name == "controller" else _TYPES[node.get("items", node)["type"]]
-    return Field(name, entry, kind, many and entry is None, node.get("file", ""))
+    return Field(
+        name, entry, kind, many and entry is None, node.get("file", ""), node.get("unit", "")
+    )
 
 
 def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> None:

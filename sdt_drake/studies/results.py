@@ -59,6 +59,7 @@ def read_study_table(folder: Path) -> StudyTable:
         choices=_choices(study),
         per_draw=study.per_draw,
         missing=len(study) - len(runs),
+        units={variable.name: variable.unit for variable in study.variables},
     )
 
 

@@ -85,6 +85,14 @@ class Variable(Input):
         return [find_field(name) for name in self.fields]
 
     @property
+    def unit(self) -> str:
+        """Unit of a draw: that of the fields, "factor", or "" for texts and shares."""
+        if self.apply == "factor":
+            return "factor"
+        units = {target.unit for target in self.targets} - {"-"}
+        return units.pop() if len(units) == 1 else ""
+
+    @property
     def examples(self) -> list[Value]:
         """Values to check before a run: all listed ones, or else one."""
         if isinstance(self.distribution, distributions.Random):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +84,8 @@ class StudyTable:
     """Number of successive rows of each draw of the random inputs."""
     missing: int = 0
     """Number of runs that are not finished."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units of inputs that have one, by name."""
 
     def __len__(self) -> int:
         return len(self.runs)
@@ -139,6 +142,10 @@ class StudyTable:
         joints = self.joints(family)
         members = self.runs[[f"{family}_{k}" for k in joints]].set_axis(joints, axis=1)
         return members.fillna(-math.inf).idxmax(axis=1)
+
+    def input_label(self, name: str) -> str:
+        """Return an input's name with its unit, as in "payload_mass [kg]"."""
+        return f"{name} [{self.units[name]}]" if self.units.get(name) else name
 
     def place(self, name: str) -> str:
         """Return an outcome's place: "joint 2", "worst joint" for a family, "" for the device."""

@@ -11,6 +11,9 @@ from oracles.ishigami import FIRST_ORDER, ishigami
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.show.documents import Report
 from sdt_drake.show.reports import study as report
+from sdt_drake.show.reports import study_tables
+from sdt_drake.studies.distributions import Uniform
+from sdt_drake.studies.study import Variable
 from sdt_drake.studies.summary import (
     explained_share,
     percentiles,
@@ -123,6 +126,18 @@ def test_paired_runs_count_once_in_explained_shares(generator, other):
 
 
 # --- report and figures ----------------------------------------------------------------------
+
+
+def test_shares_within_their_standard_error_are_dashes_and_inputs_have_units():
+    texts = [study_tables.percent_of(*x) for x in ((0.03, 0.04), (np.nan, np.nan), (0.13, 0.08))]
+    assert texts == ["–", "–", "13 ± 8"]
+    uniform = Uniform(0.5, 2.0)
+    fields = {"value": "plant.deviation.payload_mass", "factor": "plant.friction.coulomb"}
+    units = {apply: Variable("x", [name], apply, uniform).unit for apply, name in fields.items()}
+    assert units == {"value": "kg", "factor": "factor"}
+    assert Variable("", ["disturbance.amplitude"], "value", uniform).unit == ""
+    table = replace(table_of({"x": [1.0], "y": [2.0]}, {"cost_1": [1.0]}), units={"x": "kg"})
+    assert [*map(table.input_label, "xy")] == ["x [kg]", "y"]
 
 
 def test_study_chapter_has_one_table_and_existing_figures(copied, undrawn):

@@ -101,7 +101,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
     rows = {level: [tornado(part, name) for name in names] for level, part in parts.items()}
     rows = {level: swings for level, swings in rows.items() if any(map(len, swings))}
     bars = min(_MAX_BARS, max(len(swings) for row in rows.values() for swings in row))
-    left = 0.35 + 0.068 * max(map(len, table.inputs))
+    left = 0.35 + 0.068 * max(len(table.input_label(name)) for name in table.inputs)
     with style():
         figure, axes = grid(
             len(rows), len(names), panel=(2.35, 0.35 + 0.22 * bars), gaps=(0.45, 0.55), left=left,
@@ -109,8 +109,9 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
         )  # fmt: skip
         for row, (level, swings) in zip(axes, rows.items(), strict=True):
             order = _ordered(swings)[:bars]
+            labels = list(map(table.input_label, order))
             for ax, name, own in zip(row, names, swings, strict=True):
-                _bars(ax, order, own, metric_of(name).factor, values_of(parts[level], name))
+                _bars(ax, order, labels, own, metric_of(name).factor, values_of(parts[level], name))
                 ax.set_title(table.place(name) or WHOLE_DEVICE, loc="left")
                 ax.tick_params(labelleft=ax is row[0])
             if table.by:
@@ -132,7 +133,12 @@ def _ordered(swings: Sequence[pd.DataFrame]) -> list[str]:
 
 
 def _bars(
-    ax: Axes, order: Sequence[str], swings: pd.DataFrame, factor: float, values: pd.Series
+    ax: Axes,
+    order: Sequence[str],
+    labels: Sequence[str],
+    swings: pd.DataFrame,
+    factor: float,
+    values: pd.Series,
 ) -> None:
     mean = factor * values.mean() if len(values) else np.nan
     own = {swing.Index: swing for swing in swings.itertuples()}
@@ -151,7 +157,7 @@ def _bars(
                 fontsize=6.5, clip_on=False,
             )  # fmt: skip
     ax.axvline(mean, color="0.2", linewidth=0.9)
-    ax.set_yticks(range(len(order)), order)
+    ax.set_yticks(range(len(order)), labels)
     ax.set_ylim(len(order) - 0.4, -0.6)  # the first at the top
     ax.margins(x=0.4 if swings["low_level"].any() else 0.1)  # room for the levels
     ax.grid(axis="y", visible=False)
@@ -193,7 +199,7 @@ def scatter_matrix(
                 ax.tick_params(labelleft=ax is row[0])
             row[0].set_ylabel(_broken(outcome_label(table, outcome)), fontsize=8)
         for ax, name in zip(axes[-1], inputs, strict=True):
-            ax.set_xlabel(_at_dots(name), fontsize=8)
+            ax.set_xlabel(_at_dots(table.input_label(name)), fontsize=8)
         figure.align_ylabels(axes[:, 0])
         handles = group_handles(levels, lines=False) if table.by else []
         for handle in handles:
@@ -270,7 +276,7 @@ def _broken(label: str) -> str:
 def _at_dots(name: str) -> str:
     """Break the name of an input at dots into lines as wide as a panel."""
     lines = [""]
-    for part in re.split(r"(?<=\.)", name):
+    for part in re.split(r"(?<=\.)|(?= \[)", name):
         if lines[-1] and len(lines[-1]) + len(part) > 24:
             lines.append("")
         lines[-1] += part

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import metric_of
@@ -68,7 +67,7 @@ def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[doc
     worst = [study_tables.worst_table(table, family) for family in families]
     shares = study_tables.sensitivity_tables(table, families)
     failed = summary.failures(table)
-    found = [finding(table, family) for family in families]
+    found = [text for family in families if (text := cause(table, family))]
     inputs = doc.joined(map(doc.code, summary.varied(table)))
     counts = [
         (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
@@ -77,13 +76,14 @@ def make_study_report(table: StudyTable, folder: Path) -> tuple[Report, list[doc
     again = f"sdt-drake study repeat {shlex.quote(str(folder))} --row N"
     report = written("study", {
         **{f"{name}.png": figures.get(name) for name in FIGURES},
-        "name": table.name, "status": status,
+        "name": table.name, "status": None if table.ok.all() else status,
         "failed": failed and doc.Box("div", [f"{doc.capital(failed)}."], ' class="bad"'),
-        "findings": doc.bullets(text for text, _ in found),
-        "the_input": "the input" if any(has_causes for _, has_causes in found) else None,
+        "limits": study_tables.limits_table(table, families) if families else None,
+        "findings": doc.bullets(found), "the_input": "the input" if found else None,
         "runs": len(table), "time": _time(table.runs["duration"].sum()),
         "differ": doc.said("that differ in {}", inputs) if inputs else "with equal inputs",
-        "counts": doc.tiles(counts),
+        "counts": doc.tiles(counts) if len(counts) > 1 else None,
+        "all_ok": ", all ok," if table.ok.all() else "",
         "ok": "ok" if families else None, "percentiles": percentile_tables,
         "by_joint": _by_joint(table, lambda names: [study_tables.percentile_table(table, names)]),
         "worst": worst, "repeat": again if families else None,
@@ -102,14 +102,20 @@ def study_chapter(folder: Path) -> doc.Section:
         InputError: as for `write_study_report`.
     """
     report, _ = make_study_report(read_study_table(folder), folder)
-    summary, status, *others = report.sections
+    sections = {section.title: section for section in report.sections}
     figures = [
         replace(block, name=f"{folder.name}/{block.name}")
-        for section in others
+        for section in report.sections
         for block in section.blocks
         if isinstance(block, doc.Picture) and block.name != "scatter.png"
     ]
-    return doc.Section(report.title, [*summary.blocks, *status.blocks, *figures])
+    told = [
+        block
+        for name in ("Summary", "Status")
+        if name in sections
+        for block in sections[name].blocks
+    ]
+    return doc.Section(report.title, [*told, *figures])
 
 
 def families_there(table: StudyTable) -> list[str]:
@@ -146,37 +152,26 @@ def study_figures(table: StudyTable) -> dict[str, Figure]:
     return drawn
 
 
-def finding(table: StudyTable, family: str) -> tuple[doc.Marked, bool]:
-    """Return the 95th percentile of an outcome and its main causes, and if it has causes.
+def cause(table: StudyTable, family: str) -> doc.Marked | None:
+    """Return the inputs that an outcome depends on most, or None if there is none.
 
     Args:
         table: the table of the study.
         family: family of the outcome.
     """
-    limits: list[str] = []
     causes: dict[str, list[str]] = {}
     for level, part in table.groups.items():
-        (value,) = metric_of(family).factor * summary.percentiles(part, family, (95,))
-        if np.isnan(value):
-            continue
         where = doc.said(" with {}", in_print(level)) if table.by else ""
-        limits.append(doc.said("{:.3g}{}", value, where))
         shares = summary.sensitivity(part, family)
         name, share, error = next(shares.itertuples(name=None), ("", 0, 0))
         if len(shares) > 1 and share > max(_MIN_SHARE, 2 * error):
             percent = study_tables.percent_of(share, error)
             causes.setdefault(name, []).append(doc.said("{} %{}", percent, where))
-    text = doc.said(
-        "**{}:** at most {} in 95 % of {}.",
-        doc.capital(", ".join(filter(None, [metric_of(family).label, table.place(family)]))),
-        doc.Marked(listed(limits)),
-        "the runs" if summary.usable(table, family).all() else "the runs with a value",
-    )
     if not causes:
-        return text, False
+        return None
     named = [doc.said("{:code} ({})", name, doc.joined(shares)) for name, shares in causes.items()]
-    depends = doc.said("It depends most on {}.", doc.Marked(listed(named)))
-    return doc.joined([text, depends], " "), True
+    what = doc.capital(metric_of(family).title)
+    return doc.said("**{}** depends most on {}.", what, doc.Marked(listed(named)))
 
 
 def _by_joint(table: StudyTable, tables: Callable[[list[str]], list[doc.Table]]) -> list[doc.Block]:

@@ -24,6 +24,25 @@ def status_table(table: StudyTable) -> Table:
     return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
 
 
+def limits_table(table: StudyTable, families: Sequence[str]) -> Table:
+    """Make the table of the 95th percentiles, a row for each group and a column for each outcome.
+
+    Args:
+        table: the table of the study.
+        families: families of outcomes, each for the worst joint of a run.
+    """
+    rows = [
+        [in_print(level), *(
+            cell(metric_of(x).factor * summary.percentiles(part, x, (95,)).iloc[0])
+            for x in families
+        )]
+        for level, part in table.groups.items()
+    ]  # fmt: skip
+    header = [table.by or "", *(metric_of(family).label for family in families)]
+    some = "" if summary.usable(table, *families).all() else " with a value"
+    return Table(header, rows, f"95 % of the runs{some} have at most, at their worst joint")
+
+
 def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
     """Make the table of percentiles of outcomes, a row for each outcome and group.
 
@@ -78,16 +97,20 @@ def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
         if has_joints:
             columns.append(runs.worst_joint(outcome))
         columns.append([cell(metric.factor * value) for value in runs.outcome(outcome)])
-        columns += [map(cell, runs.runs[name].tolist()) for name in inputs]
+        columns += [
+            map(in_print if name == table.by else cell, runs.runs[name].tolist()) for name in inputs
+        ]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
-    header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
+    labels = map(table.input_label, inputs)
+    header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *labels]
     return Table(header, rows, f"Worst runs: {metric.title}")
 
 
 def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
     """Make the tables of the variance that each input explains alone [%], with standard errors.
 
-    There is a table for each group in which more than one input varies.
+    There is a table for each group in which more than one input varies. Shares within their
+    standard error have a dash; inputs without any other share are left out.
 
     Args:
         table: the table of the study.
@@ -100,6 +123,7 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
             shares = found.xs("value", axis=1, level=1).clip(lower=0)  # estimates may be negative
             order = shares.sum(axis=1).sort_values(ascending=False, kind="stable").index
             rows = [[key, *(percent_of(*found.loc[key, x]) for x in names)] for key in order]
+            rows = [row for row in rows if {*row[1:]} != {"–"}]
             sums = shares.sum(min_count=1)
             rows.append(["sum", *(formatted(100 * x, ".0f") for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
@@ -115,12 +139,16 @@ def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
 
 
 def percent_of(share: float, error: float) -> str:
-    """Format a share of the variance and its standard error [%]; a dash if it is unknown."""
-    return "–" if np.isnan(share) else f"{100 * max(share, 0):.0f} ± {100 * error:.0f}"
+    """Format a share of the variance and its standard error [%].
+
+    A share that is unknown, or within its standard error, is a dash.
+    """
+    is_seen = share > error  # not for NaN
+    return f"{100 * share:.0f} ± {100 * error:.0f}" if is_seen else "–"
 
 
 def cell(value: float | str) -> str:
     """Format a number or a text as tables show it; a dash for NaN."""
     if isinstance(value, int | float):
-        return "–" if np.isnan(value) else f"{value:.4g}"
+        return "–" if np.isnan(value) else f"{float(f'{value:.4g}'):g}"
     return str(value)
