@@ -35,7 +35,8 @@ def page_file(tmp_path_factory, robot):
     )
     meant = IntendedIllusion(quantity="yaw rate", sign=1, start=0, end=0.1)
     story = Story(feels="A <b> lean.", segments=segments, illusion=meant)
-    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>", story=story, pilot=True)
+    q = smooth(robot)[0] + [-2 * np.pi, 0, 0, 2 * np.pi]
+    record_html(robot, TIME, q, path, title="Leans <1>", story=story, pilot=True)
     return path
 
 
@@ -155,6 +156,7 @@ def cells(page, table, texts):
 def test_page_shows_felt_beside_true_attitude_and_rates(page, robot):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     felt, head, pairs = frames.felt, frames.head, quantities(frames.felt, frames.head)
+    page.evaluate("document.getElementById('sdt-legend').open = true")  # closed on a small screen
     legend = page.inner_text("#sdt-legend")
     assert "felt attitude" in legend and CAUTION in legend
     assert "A <b> lean. clark2019 does not predict the illusion: yaw rate felt at" in legend
@@ -174,6 +176,30 @@ def test_page_shows_felt_beside_true_attitude_and_rates(page, robot):
     assert page.evaluate(shown)
     page.click("#sdt-view")
     assert not page.evaluate(shown)  # it would be around the camera
+
+
+def test_player_marks_what_happens_wraps_angles_repeats_and_changes_speed(page, robot):
+    seek(page, 2.0)
+    places = page.locator("#sdt-marks span").evaluate_all(
+        "all => all.map(one => [one.style.left, one.style.width, one.className, one.title])"
+    )
+    shown = [(float(left[:-1]), float(width[:-1])) for left, width, *_ in places]
+    np.testing.assert_allclose(shown, [(0, 25), (40, 60), (40, 60), (0, 5)], atol=0.01)
+    assert [name for *_, name, _ in places] == ["", "", "", "window"] and EVIL in places[1][3]
+    told = page.locator("#sdt-joints td:last-child").all_inner_texts()
+    angles = np.degrees(smooth(robot)[0][-1])  # within a turn
+    np.testing.assert_allclose([float(text[:-1]) for text in told], angles, atol=0.051)
+
+    page.select_option("#sdt-speed", "2")
+    assert page.evaluate("viewer.animator.mixer.timeScale") == 2
+    assert not page.is_visible(".dg.main")  # Meshcat's own controls
+    page.evaluate("document.getElementById('sdt-loop').click()")
+    page.evaluate("document.getElementById('sdt-play').click()")
+    page.evaluate("viewer.animator.pause()")  # as at its end
+    page.wait_for_function("viewer.animator.playing")
+    page.evaluate("document.getElementById('sdt-loop').click()")
+    page.evaluate("viewer.animator.pause()")
+    page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
 
 
 def test_pilots_view_follows_the_head(page, robot, meshcat):

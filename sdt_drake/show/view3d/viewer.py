@@ -212,6 +212,8 @@ def _page_data(robot: Robot, frames: scenes.Frames, story: Story) -> dict[str, o
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
         **_felt(frames),
         "segments": story.segments,
+        "window": [story.illusion.start, story.illusion.end] if story.illusion else [],
+        "duration": float(frames.time[-1]),
     }
 
 
