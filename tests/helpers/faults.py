@@ -3,6 +3,7 @@
 import numpy as np
 
 from helpers import simulated_recordings as simulated
+from helpers.more_faults import MORE, REAL, real
 from sdt_drake.machine.diagnose.finding import Finding
 
 NEUTRAL = {"beyond limit", "at limit", "excitation", "still", "inconsistent"}
@@ -40,6 +41,26 @@ EXPECTED = {
     "drift": ("residual", "friction"),
     "hysteresis": ("residual", "builds up over an angle"),
     "spring": ("residual", "acts on its position"),
+    "percent": ("unit", "percent"),
+    "swapped_at_wrist": ("columns", "swapped"),
+    "swapped_positions": ("columns", "q_2 and q_3 swapped"),
+    "swapped_joints": ("columns", "swapped"),
+    "all_signs": ("columns", "all torques with the opposite sign"),
+    "position_sign": ("columns", "opposite"),
+    "zero_10": ("columns", "an offset of q_2"),
+    "one_in_milli": ("unit", "tau_2"),
+    "wrong_gear": ("unit", "tau_2"),
+    "no_gravity": ("columns", "without gravity"),
+    "picked_up": ("held out", "payload"),
+    "saturated": ("clipped", "tau_2"),
+    "torque_filtered": ("late torques", ""),
+    "positions_late": ("late torques", ""),
+    "counts": ("degrees", ""),
+    "turns": ("turns", ""),
+    "speeds_in_rpm": ("speeds", "rpm"),
+    "speed_sign": ("speeds", "opposite sign"),
+    "milliseconds": ("milliseconds", ""),
+    "coupled_motors": ("residual", "turns with"),
 }
 """The kind of the finding for each fault, and words of its sentence or remedy."""
 
@@ -47,11 +68,11 @@ EXPECTED = {
 def recording(name: str, fault: str, seed: int):
     """Robot of the file and recording of a fault; "" for none."""
     mounting = fault if fault in simulated.MOUNTINGS else ""
-    truth = simulated.truth(name, seed, mounting)
+    truth = real(name, mounting) if name in REAL else simulated.truth(name, seed, mounting)
     if not fault or mounting:
         return truth.robot, truth.recorded
     made = {"kilo": simulated.scaled(1e-3), "milli": simulated.scaled(1e3)}
-    put_in = made.get(fault) or getattr(simulated, fault)
+    put_in = (made | MORE).get(fault) or getattr(simulated, fault)
     return truth.robot, put_in(truth, np.random.default_rng([seed, 7]))
 
 

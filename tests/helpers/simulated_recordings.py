@@ -11,6 +11,7 @@ from oracles.dh import KUKA_KR300, UR10, DhTable
 from scipy.interpolate import make_interp_spline
 
 from helpers.known_truth import changed
+from helpers.random_robots import random_table
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
@@ -50,7 +51,12 @@ def file_robot(name: str, mounting: str = "") -> Robot:
     """The robot of the file; mounted otherwise, as it really stands."""
     if name == "sdt":
         return load_robot()
-    table = TABLES[name]
+    table = TABLES[name] if name in TABLES else random_table(int(name.removeprefix("random")))
+    return mounted(table, mounting)
+
+
+def mounted(table: DhTable, mounting: str = "") -> Robot:
+    """The robot of a table, with its base turned."""
     if mounting:
         roll, pitch, yaw = np.add(table.base, MOUNTINGS[mounting])
         table = replace(table, base=(roll, pitch, yaw))
@@ -103,7 +109,7 @@ def truth(name: str, seed: int, mounting: str = "", together: bool = False) -> T
     All joints move alike if `together`.
     """
     robot = file_robot(name)
-    rng = np.random.default_rng([seed, ROBOTS.index(name)])
+    rng = np.random.default_rng([seed, ROBOTS.index(name) if name in ROBOTS else 9])
     real = file_robot(name, mounting) if mounting else robot
     links = len(real.sdf.split("<link ")) - 1
     weight = float(robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext()))

@@ -1,20 +1,29 @@
 """What is said of recordings that are read otherwise than they are; the truth is known."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import simulated_recordings as simulated
 from helpers.faults import blames, names, recording
+from helpers.known_truth import changed
 from oracles.dh import DATA, KUKA_KR300, UR10, needs_data
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.finding import kinds
 from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.diagnose.residual import delay_of
+from sdt_drake.machine.diagnose.units import _sizes, torque_unit
+from sdt_drake.machine.identify.base_parameters import Unknown
+from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.judge import judge
-from sdt_drake.machine.identify.procedure import identify
+from sdt_drake.machine.identify.procedure import identify, parts_of
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import read_recording
+from sdt_drake.machine.recordings.recorded import Recorded
+from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import load_robot
 
 CUTOFF = 6.0
@@ -61,6 +70,63 @@ def test_evidence_equals_the_fault_put_in():
     (kilo,) = said(*recording("arm3", "kilo", 4))
     assert kilo.joints == (1, 2, 3)
     assert 5e-4 < kilo.evidence["least_times"] <= kilo.evidence["most_times"] < 2e-3
+
+
+def equations_of(robot, recorded):
+    parts, _ = parts_of([recorded], [], 1 / 3)
+    return equations(robot, Unknown.nothing(), parts, CUTOFF)
+
+
+def test_a_unit_of_one_name_is_written_for_joints_that_do_not_show_it():
+    """Of three joints in kN m, the last has noise in place of a torque. Factors of currents that
+    nothing shows are left open."""
+    truth, rng = simulated.truth("arm3", 4), np.random.default_rng(0)
+    tau = truth.recorded.signals["tau"].copy()
+    tau[:, 2] = 0.1 * np.std(tau[:, 2]) * rng.normal(size=len(tau))
+    for per, expected in ((1e3, "[1000, 1000, 1000]"), (12.0, ", ?]")):
+        unit = torque_unit(
+            truth.robot, equations_of(truth.robot, changed(truth.recorded, tau=tau / per))
+        )
+        assert unit.finding.joints == (1, 2) and expected in str(unit.finding)
+
+
+@pytest.mark.parametrize("seed", [2, 7])  # wrists with 3 to 6 % of the torque of usual links
+def test_another_size_of_a_small_torque_is_no_unit(seed):
+    robot, recorded = recording(f"random{seed}", "", seed)
+    eq = equations_of(robot, recorded)
+    assert np.max(np.abs(_sizes(robot, eq).size)) > np.log(2)
+    assert torque_unit(robot, eq) is None
+
+
+def test_a_payload_is_no_unit(tmp_path):
+    """A tool of the arm's own weight at a wrist of 0.2 kg: 40 times the torque of the file."""
+    light = replace(simulated.ARM, name="light", mass=[12.0, 8.0, 0.2])
+    robot = load_robot(light.write(tmp_path))
+    real = deviated(robot, Deviation(payload="link_3", payload_mass=20.0))
+    time, q, v, vd = simulated.course(robot, np.random.default_rng(0), 20.0, 100.0)
+    recorded = Recorded(Path("p.csv"), time, {"q": q, "tau": inverse_dynamics(real, q, v, vd)})
+    found = identify(robot, [recorded], only="payload", payload="link_3", cutoff=CUTOFF)
+    assert blames(found) == []
+    assert found.left(found.equations.nominal, held_out=True)[2] > 0.9
+
+
+@pytest.mark.parametrize("blemish", ["repeated", "frozen_tau", "clipped"])
+def test_a_blemish_does_not_hide_the_sign_of_a_torque(blemish):
+    truth, rng = simulated.truth("arm3", 4), np.random.default_rng(1)
+    truth = replace(truth, recorded=getattr(simulated, blemish)(truth, rng))
+    found = said(truth.robot, simulated.torque_sign(truth, rng))
+    assert {one.kind for one in found} == {blemish.partition("_")[0], "columns"}
+
+
+def test_checks_that_are_left_out_are_told():
+    robot, recorded = recording("arm3", "degrees", 4)
+    assert identify(robot, [recorded], cutoff=CUTOFF).notes[-1] == (
+        "units, order and signs of torques, delays of torques, springs, hysteresis and other "
+        "forces are not looked for before the warning is heeded (degrees)"
+    )
+    slow = replace(recorded, time=1e3 * recorded.time)
+    with pytest.raises(InputError, match=r"at least 2 Hz; is the time in milliseconds"):
+        identify(robot, [slow])
 
 
 def test_judge_gives_the_findings_of_the_check():

@@ -28,17 +28,14 @@ class Finding:
     """Name of the recording's file; "" for a finding from several."""
 
     @property
+    def hides(self) -> bool:
+        """True if units, order and signs of the torques show only after a correction."""
+        return self.kind in ("order", "degrees", "clock")
+
+    @property
     def spoils(self) -> bool:
-        """True if the recording must be corrected before other conclusions."""
-        return self.kind in (
-            "order",
-            "rounded",
-            "repeated",
-            "frozen",
-            "clipped",
-            "degrees",
-            "clock",
-        )
+        """True if a fit of the recording is wrong, so that it must be corrected first."""
+        return self.hides or self.kind in ("rounded", "frozen", "clipped", "unit", "columns")
 
     def __str__(self) -> str:
         text = f"{self.source}: {self.sentence}" if self.source else self.sentence

@@ -1,18 +1,29 @@
-"""The likely unit of recorded torques, by comparison with the torques of the file's links."""
+"""The likely unit of recorded torques, by comparison with the torques of the file's links.
 
+A joint shows the unit as far as errors of the file cannot explain another size. The measured
+torque is s times that of the file. Errors of the file's links spread log s by log(1 + E / f). Here
+f is the torque of the file over the torque that links of this size typically have. A wrist whose
+centre of mass is on its axis has f near 0 and shows nothing, a shoulder that carries the arm has f
+near 1. A unit is one factor for all joints, so their squared distances over the spread are summed.
+"""
+
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.arrays import Array, Index, Mask
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose import explained
 from sdt_drake.machine.diagnose.finding import Finding
+from sdt_drake.machine.identify.base_parameters import rigid_columns
+from sdt_drake.machine.identify.consistency import rigid_scale
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.robot.robot import Robot
 
-_RATED = {1000.0: "per mille", 100.0: "percent"}
+_SHARES = {"percent": 100.0, "per mille": 1000.0}
+_SIDES = {"of the motors": "motor", "of the joints": "joint"}
 
 
 class Unit(NamedTuple):
@@ -26,92 +37,142 @@ class Unit(NamedTuple):
     """True for a unit of known size, such as kN m."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Sizes:
+    """Measured torques over those of the file, without what friction can explain."""
+
+    size: Array
+    """Logarithm of the ratio, shape (n,)."""
+    spread: Array
+    """Standard deviation of the logarithm by errors of the file; inf for joints that show nothing,
+    shape (n,)."""
+
+    @property
+    def off(self) -> Mask:
+        """Mask of the joints whose ratio links cannot explain, shape (n,)."""
+        is_large = np.abs(self.size) > np.log(c.WRONG_LINKS)
+        return np.asarray(is_large & (np.abs(self.size) > c.SIZE_SIGMAS * self.spread))
+
+    def misses(self, size: Array) -> float:
+        """Return the sum of squared distances from the ratios of a unit, over the spreads."""
+        return float(np.sum(((self.size - np.log(size)) / self.spread) ** 2))
+
+    def fits(self, size: Array, joints: Mask, most: float = c.WRONG_LINKS) -> bool:
+        """Return True if errors of the file explain the distance from a unit of some joints.
+
+        They explain a ratio of `most`, or two spreads.
+        """
+        far = np.abs(self.size - np.log(size))[joints]
+        return bool(np.all(far < np.maximum(np.log(most), 2 * self.spread[joints])))
+
+
 def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
     """Return one likely unit for all torques with another size than those of the file's links.
 
     None if all torques have the size of the file's, or no joint shows the unit.
     """
-    slopes, alike = _slopes(eq)
-    own = np.log(np.maximum(np.abs(slopes), 1e-300))
-    off = np.flatnonzero((np.abs(alike) > c.ALIKE) & (np.abs(own) > np.log(c.WRONG_LINKS)))
-    if not len(off):
-        return None
-    joints = tuple(k + 1 for k in off.tolist())
-    sizes = np.abs(slopes[off])
-    about = listed([f"tau_{k}" for k in joints])
-    about += f": about {_range(sizes)} times the torque of the file"
-
-    def unit(text: str, size: Array, remedy: str = "", *, is_exact: bool = False) -> Unit:
-        evidence = {"least_times": float(sizes.min()), "most_times": float(sizes.max())}
-        finding = Finding("unit", f"{about}: {text}", joints, evidence, remedy)
-        return Unit(finding, _factor(off, size), is_exact)
-
-    exact = {"in kN m": np.full(robot.n, 1e-3), "in N mm": np.full(robot.n, 1e3)}
-    if np.all(robot.gear_ratio[off] > c.MIN_GEAR):
-        exact |= {"of the motors": 1 / robot.gear_ratio, "of the joints": robot.gear_ratio}
-    far = {
-        words: float(np.sqrt(np.mean((own[off] - np.log(size[off])) ** 2)))
-        for words, size in exact.items()
+    found, ones = _sizes(robot, eq), np.ones(robot.n)
+    known, off = np.isfinite(found.spread), found.off
+    scaled = {"in kN m": 1e-3 * ones, "in N mm": 1e3 * ones}
+    geared = {"of the motors": 1 / robot.gear_ratio, "of the joints": robot.gear_ratio}
+    rated = {
+        f"in {name} of the effort limit": x / robot.effort_limit for name, x in _SHARES.items()
     }
-    best = min(far, key=lambda words: far[words])
-    wrong, clearly = np.log(c.WRONG_LINKS), np.log(c.CLEARLY_CLOSER)
-    is_near = far[best] < wrong
-    rated = own[off] + np.log(robot.effort_limit[off])  # equal, if in shares of a rated torque
-    peak, spread = np.exp(np.median(rated)), np.log(c.SAME_UNIT)
-    shares = [
-        x for x in _RATED if c.PEAKS[0] < peak / x < c.PEAKS[1] and np.ptp(rated) < 2 * spread
+    exact = scaled | (geared if np.all(robot.gear_ratio[off] > c.MIN_GEAR) else {}) | rated
+    misses = {words: found.misses(size) for words, size in exact.items()}
+    least = min(found.misses(ones) - c.UNIT_GAIN, min(misses.values()) + c.UNIT_TIE)
+    good = [
+        words
+        for words in sorted(exact, key=lambda words: misses[words])
+        if misses[words] < least
+        and found.fits(exact[words], known, c.SAME_UNIT if words in rated else c.WRONG_LINKS)
     ]
-    if shares and len(off) > 1 and (not is_near or np.std(rated) < far[best] - clearly):
+    if good:
+        text = f"is it {' or '.join(good)}{', or a current' * (good[0] in rated)}?"
+        remedy = " or ".join(_remedy(words, 1 / exact[words]) for words in good)
+        return _unit(found, known, text, 1 / exact[good[0]], remedy, is_exact=True)
+    if not off.any():
+        return None
+    weight = 1 / found.spread**2
+    peak = float(np.exp(weight @ (found.size + np.log(robot.effort_limit)) / weight.sum()))
+    for name, x in _SHARES.items():
         size = peak / robot.effort_limit
-        text = f"is it in {_RATED[shares[0]]} of a rated torque? Then torque_factor is the rated "
-        text += f"torque, joint side, over {shares[0]:g}, by the file about "
-        return unit(text + explained.entries(_factor(off, size), 4), size)
-    if not is_near:
-        text = "is it a current, or in another unit? Then torque_factor turns it into N m; by the "
-        values = explained.entries(_factor(off, np.exp(own)), 4)
-        text += f"file it is about {values} in the mapping file"
-        return unit(text, np.exp(own))
-    good = sorted(
-        (x for x in far if far[x] < min(far[best] + clearly, wrong)), key=lambda x: far[x]
-    )
-    remedy = " or ".join(_remedy(words, _factor(off, exact[words])) for words in good)
-    return unit(f"is it {' or '.join(good)}?", exact[best], remedy, is_exact=True)
+        is_usual = c.PEAKS[0] < peak / x < c.PEAKS[1] and known.sum() > 1
+        if is_usual and found.fits(size, known, c.SAME_UNIT):
+            text = f"is it in {name} of a rated torque? Then torque_factor is the rated torque, "
+            text += f"joint side, over {x:g}, by the file about {_entries(1 / size)}"
+            return _unit(found, known, text, 1 / size)
+    for words, size in scaled.items():
+        if found.fits(size, off):  # of these joints alone
+            factor = np.where(off, 1 / size, 1.0)
+            return _unit(
+                found, off, f"is it {words}?", factor, _remedy(words, factor), is_exact=True
+            )
+    factor = np.where(off, np.exp(-found.size), np.nan)
+    others = known & ~off & (2 * found.spread < np.log(c.WRONG_LINKS))
+    text = "is it a current, or in another unit? Then"
+    if others.any():
+        text = "others have its size. Is its gear ratio or its unit another one? Then"
+    text += f" torque_factor turns it into N m; by the file it is about {_entries(factor)}"
+    return _unit(found, off, f"{text} in the mapping file", np.where(off, factor, 1.0))
+
+
+def _unit(
+    found: _Sizes,
+    joints: Mask,
+    text: str,
+    factor: Array,
+    remedy: str = "",
+    *,
+    is_exact: bool = False,
+) -> Unit:
+    """Return a unit with its finding about some joints."""
+    numbers, sizes = (np.flatnonzero(joints) + 1).tolist(), np.exp(found.size[joints])
+    least, most = float(sizes.min()), float(sizes.max())
+    about = f"{least:.3g}" if most < 1.2 * least else f"{least:.3g} to {most:.3g}"
+    about = f"{listed([f'tau_{k}' for k in numbers])}: about {about} times the torque of the file"
+    evidence = {"least_times": least, "most_times": most}
+    sentence = f"{about}: {text}"
+    return Unit(Finding("unit", sentence, tuple(numbers), evidence, remedy), factor, is_exact)
 
 
 def _remedy(words: str, factor: Array) -> str:
     """Return the entry of the mapping file for an exact unit."""
-    side = {"of the motors": "motor", "of the joints": "joint"}.get(words)
-    return f"side: {side}" if side else f"torque_factor: {explained.entries(factor, 4)}"
+    side = _SIDES.get(words)
+    return f"side: {side}" if side else f"torque_factor: {_entries(factor)}"
 
 
-def _slopes(eq: Equations) -> tuple[Array, Array]:
-    """Return slope and correlation of each torque over the file's, shape (n,).
+def _entries(factor: Array) -> str:
+    """Return factors as a list; "?" for those that nothing shows."""
+    return explained.entries(factor, 4).replace("nan", "?")
 
-    The part that friction can explain is removed from both torques.
+
+def _sizes(robot: Robot, eq: Equations) -> _Sizes:
+    """Return the measured torques over those of the file.
+
+    The parts that friction and unknown links can explain are removed from both, unless all links
+    are unknown.
     """
-    slopes, alike = np.zeros(eq.n), np.zeros(eq.n)
-    for k in range(eq.n):
-        rows = eq.moves[:, k] & eq.fit
-        if rows.sum() < 10:
+    rows: Index = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, c.READING_ROWS).astype(int))]
+    typical = rigid_columns(robot, eq.q[rows], eq.v[rows], eq.vd[rows])[:, :, : 10 * robot.n]
+    typical *= rigid_scale(robot)[: 10 * robot.n]
+    size, spread = np.zeros(robot.n), np.full(robot.n, np.inf)
+    for k in range(robot.n):
+        used = eq.moves[rows, k]
+        if used.sum() < 10:
             continue
-        known = explained.basis(
-            explained.like_friction(explained.over_largest(eq.speed[rows, k]), c.FRICTION_WIDTHS)
-        )
-        measured, file = explained.without(
-            known, np.stack([eq.tau[rows, k], eq.nominal[rows, k]], 1)
-        ).T
-        sizes = np.linalg.norm(measured), np.linalg.norm(file)
-        if min(sizes) > 0:
-            slopes[k] = measured @ file / sizes[1] ** 2
-            alike[k] = measured @ file / (sizes[0] * sizes[1])
-    return slopes, alike
-
-
-def _factor(off: Index, size: Array) -> Array:
-    """Return one over the size of a unit for joints `off`, 1 for others, shape (n,)."""
-    return np.where(np.isin(np.arange(len(size)), off), 1 / size, 1.0)
-
-
-def _range(sizes: Array) -> str:
-    least, most = sizes.min(), sizes.max()
-    return f"{least:.3g}" if most < 1.2 * least else f"{least:.3g} to {most:.3g}"
+        at = rows[used]
+        v = explained.over_largest(eq.speed[rows])[used, k]
+        known = explained.like_friction(v, c.FRICTION_WIDTHS)
+        if np.any(eq.known):
+            known = np.column_stack([known, eq.rigid[at, k]])
+        parts = np.column_stack([eq.tau[at, k], eq.nominal[at, k], typical[used, k]])
+        parts = explained.without(explained.basis(known), parts)
+        measured, file, wide = parts[:, 0], parts[:, 1], float(np.linalg.norm(parts[:, 2:]))
+        lengths = np.linalg.norm(measured), np.linalg.norm(file)
+        product = float(measured @ file)
+        if abs(product) > c.ALIKE * lengths[0] * lengths[1] > 0:
+            size[k] = np.log(abs(product) / lengths[1] ** 2)
+            spread[k] = np.log1p(c.LINK_ERRORS * wide / lengths[1])
+    return _Sizes(size, spread)

@@ -36,6 +36,7 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
 
 _MIN_MOTOR = 1e-3  # smallest reflected inertia over its scale
+_MIN_EIGENVALUE = 1e-8  # of the pseudo-inertia of a written link over that of the file
 _TOOL = (0.05, 0.1)  # tool that a light link may carry: share of the robot's mass and reach
 _MOTOR_ACCELERATION = 50.0  # rad/s² that the largest torque gives a motor without load, typically
 
@@ -216,6 +217,8 @@ class _Space:
                 f"({result.get_solution_result().name})"
             )
         x = np.asarray(result.GetSolution(variables))
+        for at in range(0, 10 * len(self.links), 10):
+            x[at : at + 10] = _possible(x[at : at + 10])
         return x, self.fixed + effect @ x
 
 
@@ -265,6 +268,13 @@ def _root(pseudo: Array) -> Array:
     body = pseudo.copy()
     body[:3, :3] += vectors @ np.diag(np.maximum(least - values, 0.0)) @ vectors.T
     return np.asarray(np.linalg.cholesky(body), dtype=np.float64)
+
+
+def _possible(entries: Array) -> Array:
+    """Return the entries SYMMETRIC of Z without eigenvalues that the solver left below 0."""
+    values, vectors = np.linalg.eigh(symmetric(entries))
+    Z = (vectors * np.maximum(values, _MIN_EIGENVALUE)) @ vectors.T
+    return np.array([Z[i, j] for i, j in SYMMETRIC])
 
 
 def _whitening(covariance: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sdt_drake.io.arguments import one_of, positive
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.machine.diagnose.finding import Finding
@@ -38,6 +38,8 @@ recordings, parts are compared."""
 
 _MAX_DISTANCE, _REPEATED = 0.15, 0.9  # distance of similar states over their spread; their share
 _ROWS_PER_PERIOD = 4.0  # rows in a period of the cut-off
+_CLIPPED = 0.05  # distance from the value at which a torque is clipped, over its range
+_MIN_RATE = 2.0  # least sample rate [Hz]
 _PRIOR_STD = 1.0  # prior standard deviation of a parameter over its typical size
 
 Parts = list[tuple[int, float, filtering.Stretch]]
@@ -179,6 +181,7 @@ def identify(
     parts, notes = parts_of(fitted, held_out_recordings, held_out)
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)
+    _check_rate(parts)
     _check_cutoff(cutoff, parts)
     cutoff, speeds = _choice(robot, unknown, prior, parts, cutoff)
     few = few_of(parts, cutoff)
@@ -189,8 +192,8 @@ def identify(
     found = estimate(eq, prior)
     r, S, N = len(found.beta), found.covariance, found.misfit
     findings = [one for x in (*fitted, *held_out_recordings) for one in check_recording(robot, x)]
-    is_spoilt = any(one.spoils for one in findings)
-    wrong = [] if is_spoilt else misread(robot, eq)
+    hidden = [one for one in findings if one.hides]
+    wrong = [] if hidden else misread(robot, replace(eq, fit=_good_rows(eq, findings)))
     findings += [*standing_still(eq), *wrong]
     try:
         consistent = consistency.nearest_consistent(
@@ -204,7 +207,8 @@ def identify(
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
-    if not is_spoilt and not wrong:
+    spoilt = [one for one in findings if one.spoils]
+    if not spoilt:
         findings += suspicious_torques(robot, eq, found, predicted, cutoff)
     findings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(
@@ -218,7 +222,7 @@ def identify(
         predicted=predicted,
         cutoff=cutoff,
         speeds=speeds,
-        notes=(*notes, *_compared(parts, few, eq, speeds)),
+        notes=(*notes, *_compared(parts, few, eq, speeds), *_unchecked(hidden, spoilt)),
         findings=tuple(findings),
     )
 
@@ -292,6 +296,29 @@ def _compared(parts: Parts, few: Parts, eq: Equations, speeds: bool) -> Iterator
         )
 
 
+def _good_rows(eq: Equations, findings: Sequence[Finding]) -> Mask:
+    """Return the mask of fitted rows in which no signal is frozen or clipped, shape (M,)."""
+    good = eq.fit.copy()
+    for one in findings:
+        seen = one.evidence
+        if one.kind == "frozen":
+            good &= (eq.time < seen["first_s"]) | (eq.time > seen["first_s"] + seen["duration_s"])
+        elif one.kind == "clipped":
+            tau = eq.tau[:, one.joints[0] - 1]
+            good &= np.abs(tau - seen["torque_N_m"]) > _CLIPPED * np.ptp(tau)
+    return good if good.any() else eq.fit
+
+
+def _unchecked(hidden: Sequence[Finding], spoilt: Sequence[Finding]) -> Iterator[str]:
+    """Yield sentences on the checks that are left out."""
+    kinds = ", ".join(dict.fromkeys(one.kind for one in hidden or spoilt))
+    what = "delays of torques, springs, hysteresis and other forces are"
+    if hidden:
+        what = f"units, order and signs of torques, {what}"
+    if spoilt:
+        yield f"{what} not looked for before the warning is heeded ({kinds})"
+
+
 def _check_alive(recorded: Recorded) -> None:
     """Refuse a recording with a constant torque or without motion."""
     q, tau = recorded.signals["q"], recorded.signals["tau"]
@@ -303,6 +330,16 @@ def _check_alive(recorded: Recorded) -> None:
         )
     if np.all(np.ptp(q, axis=0) < 1e-6):
         raise InputError(f"{recorded.path}: no joint moves")
+
+
+def _check_rate(parts: Parts) -> None:
+    """Refuse recordings that are too slow for any motion."""
+    rate = 1 / max(stretch.period for *_, stretch in parts)
+    if rate < _MIN_RATE:
+        raise InputError(
+            f"recorded at {rate:.4g} Hz, expected at least {_MIN_RATE:g} Hz; is the time in "
+            "milliseconds (time_factor: 0.001 in the mapping file)?"
+        )
 
 
 def _check_cutoff(cutoff: float | None, parts: Parts) -> None:
