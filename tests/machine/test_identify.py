@@ -13,7 +13,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.diagnose.fit import weakly_excited
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
-from sdt_drake.machine.identify.consistency import links_of, nearest_consistent
+from sdt_drake.machine.identify.consistency import _Space, links_of, nearest_consistent
 from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.estimation import estimate
 from sdt_drake.machine.identify.filtering import compared, stretches, zero_phase_low_pass
@@ -30,8 +30,11 @@ from sdt_drake.robot.coupling import TURNS_WITH
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import edited, load_robot
+from sdt_drake.robot.sdf import DRAKE
 from sdt_drake.show.figures.identification import residuals_figure
 from sdt_drake.show.reports.identification import friction_notes, friction_table, result
+
+ROTOR = f"{DRAKE}rotor_inertia"
 
 
 def test_identified_robot_has_the_true_torques(found, robot, true, tmp_path):
@@ -195,6 +198,33 @@ def test_damping_of_the_file_above_the_friction_is_not_written(robot, tmp_path):
 def _least_to_most(found):
     left = 100 * found.left(found.written, held_out=True)
     return f"{left.min():.2g} to {left.max():.2g}"
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_what_the_file_explains_exactly_is_neither_refused_nor_made_worse(flat, tmp_path):
+    """A robot without rotors, with light links, one of them flat, and its own torques."""
+
+    def light(root):
+        for rotor in root.iter(ROTOR):
+            rotor.text = "0"
+        for name in ("ixx", "iyy", "izz") if flat else ():
+            *_, last = root.iter(name)
+            last.text = {"ixx": "0.01", "iyy": "0.01", "izz": "0.02"}[name]
+
+    arm = edited(file_robot("arm3"), light)
+    time, q, v, vd = course(arm, np.random.default_rng(1), 20.0, 200.0)
+    exact = Recorded(Path("e.csv"), time, {"q": q, "tau": inverse_dynamics(arm, q, v, vd)})
+    found = identify(arm, [exact])
+    assert np.all(found.left(found.written, held_out=True) < 1e-3)
+    heavier = replace(arm, effort_limit=1e3 * arm.effort_limit)  # and so a larger assumed rotor
+    found = identify(heavier, [exact])
+    assert np.all(found.left(found.written, held_out=True) < 1e-3)
+
+
+def test_links_that_are_not_found_are_refused_with_the_joint_that_is_farthest(robot, monkeypatch):
+    monkeypatch.setattr(_Space, "closest", lambda *_, **__: None)
+    with pytest.raises(InputError, match=r"no physically consistent links .*; joint \d.* farthest"):
+        identify(robot, [recorded_of(robot)], cutoff=3.0)
 
 
 def test_equally_good_friction_laws_widen_the_intervals(found):

@@ -17,7 +17,7 @@ from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose import explained
 from sdt_drake.machine.diagnose.finding import Finding
-from sdt_drake.machine.identify.base_parameters import rigid_columns
+from sdt_drake.machine.identify.base_parameters import motor_parameters, rigid_columns
 from sdt_drake.machine.identify.consistency import rigid_scale
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.robot.robot import Robot
@@ -75,9 +75,8 @@ def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
     known, off = np.isfinite(found.spread), found.off
     scaled = {"in kN m": 1e-3 * ones, "in N mm": 1e3 * ones}
     geared = {"of the motors": 1 / robot.gear_ratio, "of the joints": robot.gear_ratio}
-    rated = {
-        f"in {name} of the effort limit": x / robot.effort_limit for name, x in _SHARES.items()
-    }
+    shares = _SHARES if np.isfinite(robot.effort_limit).all() else {}
+    rated = {f"in {name} of the effort limit": x / robot.effort_limit for name, x in shares.items()}
     exact = scaled | (geared if np.all(robot.gear_ratio[off] > c.MIN_GEAR) else {}) | rated
     misses = {words: found.misses(size) for words, size in exact.items()}
     least = min(found.misses(ones) - c.UNIT_GAIN, min(misses.values()) + c.UNIT_TIE)
@@ -94,8 +93,9 @@ def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
     if not off.any():
         return None
     weight = 1 / found.spread**2
-    peak = float(np.exp(weight @ (found.size + np.log(robot.effort_limit)) / weight.sum()))
-    for name, x in _SHARES.items():
+    limits = np.where(bool(shares), robot.effort_limit, 1.0)
+    peak = float(np.exp(weight @ (found.size + np.log(limits)) / weight.sum()))
+    for name, x in shares.items():
         size = peak / robot.effort_limit
         is_usual = c.PEAKS[0] < peak / x < c.PEAKS[1] and known.sum() > 1
         if is_usual and found.fits(size, known, c.SAME_UNIT):
@@ -150,21 +150,23 @@ def _entries(factor: Array) -> str:
 def _sizes(robot: Robot, eq: Equations) -> _Sizes:
     """Return the measured torques over those of the file.
 
-    The parts that friction and unknown links can explain are removed from both, unless all links
-    are unknown.
+    The parts that friction, rotors that the file lacks and unknown links can explain are removed
+    from both, unless all links are unknown.
     """
     rows: Index = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, c.READING_ROWS).astype(int))]
-    typical = rigid_columns(robot, eq.q[rows], eq.v[rows], eq.vd[rows])[:, :, : 10 * robot.n]
-    typical *= rigid_scale(robot)[: 10 * robot.n]
-    size, spread = np.zeros(robot.n), np.full(robot.n, np.inf)
-    for k in range(robot.n):
+    n, columns = robot.n, rigid_columns(robot, eq.q[rows], eq.v[rows], eq.vd[rows])
+    typical = columns[:, :, : 10 * n] * rigid_scale(robot)[: 10 * n]
+    motors = columns[:, :, 10 * n :] * (motor_parameters(robot) == 0)  # those that files lack
+    size, spread = np.zeros(n), np.full(n, np.inf)
+    for k in range(n):
         used = eq.moves[rows, k]
         if used.sum() < 10:
             continue
         at = rows[used]
         v = explained.over_largest(eq.speed[rows])[used, k]
         known = explained.like_friction(v, c.FRICTION_WIDTHS)
+        known = np.column_stack([known, motors[used, k]])
         if np.any(eq.known):
             known = np.column_stack([known, eq.rigid[at, k]])
         parts = np.column_stack([eq.tau[at, k], eq.nominal[at, k], typical[used, k]])

@@ -33,12 +33,13 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.base_parameters import Unknown, motor_parameters
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.rotors import assumed_inertia
 from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
 
-_MIN_MOTOR = 1e-3  # smallest reflected inertia over its scale
+_MIN_MOTOR = 1e-9  # smallest reflected inertia over its scale
 _MIN_EIGENVALUE = 1e-8  # of the pseudo-inertia of a written link over that of the file
+_MAX_SENSITIVITY = 1e6  # standard deviations of beta by which a change of a whole link shows
 _TOOL = (0.05, 0.1)  # tool that a light link may carry: share of the robot's mass and reach
-_MOTOR_ACCELERATION = 50.0  # rad/s² that the largest torque gives a motor without load, typically
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +135,14 @@ def nearest_consistent(
             fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
     fixed[10 * robot.n :] = np.where(is_free, 0.0, motor_parameters(robot))
     space = _Space(robot, unknown, links, is_free, fixed)
-    _, phi = space.closest(beta, misfit, near=False)
-    best = unknown.base.combination @ phi[unknown.columns]
-    x, phi = space.closest(best, covariance, near=True)
+    fitted = space.closest(beta, misfit, near=False)
+    if fitted is None:
+        raise InputError(
+            f"{robot.path}: no physically consistent links are found that have such torques"
+        )
+    best = unknown.base.combination @ fitted[1][unknown.columns]
+    # Where hardly any others are as good, the solver may find none; the fitted ones are left.
+    x, phi = space.closest(best, covariance, near=True) or fitted
     pseudo = [
         _root(link.pseudo) @ symmetric(x[10 * i : 10 * i + 10]) @ _root(link.pseudo).T
         for i, link in enumerate(links)
@@ -160,7 +166,7 @@ class _Space:
     fixed: Array
     """Contribution of fixed links and motors to all parameters, shape (11 n,)."""
 
-    def closest(self, beta: Array, covariance: Array, *, near: bool) -> tuple[Array, Array]:
+    def closest(self, beta: Array, covariance: Array, *, near: bool) -> tuple[Array, Array] | None:
         """Find consistent links and motors whose base parameters are close to beta.
 
         Variables are the entries SYMMETRIC of Z of each link, 1 for the link of the file, and the
@@ -173,7 +179,8 @@ class _Space:
                 the smallest deviation from beta.
 
         Returns:
-            The variables of the program, and all parameters, shape (11 n,).
+            The variables of the program, and all parameters, shape (11 n,); None if the solver
+            finds none.
         """
         program, robot, n = MathematicalProgram(), self.robot, self.robot.n
         K, columns = self.unknown.base.combination, self.unknown.columns
@@ -200,6 +207,9 @@ class _Space:
         missed = program.NewContinuousVariables(len(beta))  # deviation in standard deviations
         one = program.NewContinuousVariables(1)
         variables, effect = np.concatenate(unknowns), np.hstack(effects)
+        # Exact data determine links to 1e-9, the solver to 1e-6 of those of the file.
+        sensitivity = np.abs(sure @ K @ effect[columns]).max(initial=0.0)
+        sure = sure * min(1.0, _MAX_SENSITIVITY / max(sensitivity, 1e-300))
         program.AddLinearEqualityConstraint(
             np.hstack([sure @ K @ effect[columns], np.eye(len(beta))]),
             sure @ (beta - K @ self.fixed[columns]),
@@ -212,10 +222,7 @@ class _Space:
             program.Add2NormSquaredCost(np.eye(len(beta)), np.zeros(len(beta)), missed)
         result = ClarabelSolver().Solve(program)
         if not result.is_success():
-            raise InputError(
-                f"{robot.path}: no physically consistent links have the measured parameters "
-                f"({result.get_solution_result().name})"
-            )
+            return None
         x = np.asarray(result.GetSolution(variables))
         for at in range(0, 10 * len(self.links), 10):
             x[at : at + 10] = _possible(x[at : at + 10])
@@ -238,11 +245,10 @@ def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
 def motor_scale(robot: Robot) -> Array:
     """Return the typical reflected inertia of each motor [kg m²], shape (n,).
 
-    It is that of the file. Where the file has none, it is the inertia that the largest torque
-    accelerates at `_MOTOR_ACCELERATION`.
+    It is that of the file. Where the file has none, it is the assumed one.
     """
     given = motor_parameters(robot)
-    return np.asarray(np.where(given > 0, given, robot.effort_limit / _MOTOR_ACCELERATION))
+    return np.asarray(np.where(given > 0, given, assumed_inertia(robot)))
 
 
 def rigid_scale(robot: Robot) -> Array:

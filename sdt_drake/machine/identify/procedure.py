@@ -200,7 +200,7 @@ def identify(
             robot, unknown, free, found.beta, N[:r, :r], S[:r, :r]
         )
     except InputError as error:
-        raise InputError("; ".join([f"{error}", *map(str, wrong)])) from None
+        raise InputError("; ".join([f"{error}", _farthest(robot, eq), *map(str, wrong)])) from None
     change = consistent.beta - found.beta
     # Friction changes with the base parameters by their correlation.
     friction = found.friction + N[r:, :r] @ np.linalg.solve(N[:r, :r], change)
@@ -294,6 +294,17 @@ def _compared(parts: Parts, few: Parts, eq: Equations, speeds: bool) -> Iterator
             "the held-out data repeat the fitted motion, so they show only the noise; give a "
             "recording of another motion to validate"
         )
+
+
+def _farthest(robot: Robot, eq: Equations) -> str:
+    """Return a sentence on the joint that the robot's file explains worst."""
+    left = eq.not_explained(eq.nominal, eq.fit)
+    k = int(np.nanargmax(left))
+    return (
+        f"{robot.joint(k)} is farthest from the file, with {100 * left[k]:.0f} % of its torque not "
+        "explained: check its columns, units and limits, or identify friction alone "
+        '(only="friction")'
+    )
 
 
 def _good_rows(eq: Equations, findings: Sequence[Finding]) -> Mask:
