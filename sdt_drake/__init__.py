@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.stops import stops
     from sdt_drake.analysis.tracking import track
     from sdt_drake.io.errors import InputError
+    from sdt_drake.machine.accept.judge import accept_judge
+    from sdt_drake.machine.accept.plan import accept_plan
+    from sdt_drake.machine.accept.predict import accept_predict
     from sdt_drake.machine.cueing.procedure import fly
     from sdt_drake.machine.drive_files.export import export
     from sdt_drake.machine.identify.judge import judge
@@ -66,6 +69,9 @@ _PLACES = {
     "replay": "machine.replay:replay",
     "learn": "machine.learn.procedure:learn",
     "learn_update": "machine.learn.recorded_step:learn_update",
+    "accept_plan": "machine.accept.plan:accept_plan",
+    "accept_judge": "machine.accept.judge:accept_judge",
+    "accept_predict": "machine.accept.predict:accept_predict",
     "export": "machine.drive_files.export:export",
     "fly": "machine.cueing.procedure:fly",
     "track": "analysis.tracking:track",
@@ -88,11 +94,11 @@ _PLACES = {
     "InputError": "io.errors:InputError",
 }
 __all__ = [
-    "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario", "bode",
-    "compare", "design", "export", "fly", "identify", "judge", "learn", "learn_update", "linear",
-    "load", "load_robot", "loop", "perceive", "plan", "plots", "plots_motion", "plots_pilot",
-    "register_controller", "replay", "save", "simulate", "stability", "step", "stops", "track",
-    "tune", "view",
+    "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario",
+    "accept_judge", "accept_plan", "accept_predict", "bode", "compare", "design", "export",
+    "fly", "identify", "judge", "learn", "learn_update", "linear", "load", "load_robot", "loop",
+    "perceive", "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay",
+    "save", "simulate", "stability", "step", "stops", "track", "tune", "view",
 ]  # fmt: skip
 
 

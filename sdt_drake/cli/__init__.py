@@ -9,7 +9,7 @@ GROUPS = {
     "Simulate": ("simulate", "compare", "view", "diagram"),
     "Control": ("tune", "step", "bode", "stability", "budget"),
     "Motion and pilot": ("plan", "pilot", "fly", "stops"),
-    "Real machine": ("excite", "identify", "judge", "replay", "learn", "export"),
+    "Real machine": ("excite", "identify", "judge", "replay", "learn", "export", "accept"),
     "Many runs": ("study", "size"),
 }
 """The names of the commands by their job, most used first, as in --help."""
@@ -24,6 +24,7 @@ SUBCOMMANDS = {
     "pilot": ("validate", "people"),
     "learn": ("update",),
     "export": ("fmu",),
+    "accept": ("plan", "judge", "predict"),
     "study": ("run", "show", "repeat"),
 }
-"""The names of subcommands by their command. `study` has no other form."""
+"""The names of subcommands by their command. `accept` and `study` have no other form."""

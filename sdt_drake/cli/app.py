@@ -102,7 +102,8 @@ def _add(app: App, command: str, name: str, **place: Any) -> None:
     if command not in SUBCOMMANDS:
         app.command(f"{module}:run", name=command, **place)
         return
-    has_default = "run" not in SUBCOMMANDS[command] and name in (command, "")
+    has_run = "run" not in SUBCOMMANDS[command] and "\ndef run(" in _text(command)
+    has_default = has_run and name in (command, "")
     line = None if has_default else _line(command)
     place["group_parameters"] = app.group_parameters
     own = App(name=command, help=line, group_commands="Commands", **place)
@@ -117,8 +118,13 @@ def _add(app: App, command: str, name: str, **place: Any) -> None:
 
 def _line(command: str) -> str:
     """Return the first line of a command's help from its file, without an import."""
-    text = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
-    return text.partition("\ndef run(")[2].partition('"""')[2].partition("\n")[0]
+    text = _text(command)
+    whole = text.partition("\ndef run(")[2] or text
+    return whole.partition('"""')[2].partition("\n")[0]
+
+
+def _text(command: str) -> str:
+    return Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -20,6 +20,7 @@ SHIPPED = {
     "motors": "motors*.yaml",
     "drives": "drives*.yaml",
     "stops": "stops*.yaml",
+    "acceptance tests": "acceptance*.yaml",
     "perception model": "perception/*.yaml",
     "flight": "flights/*.csv",
     "columns of a flight": "flights/*.yaml",

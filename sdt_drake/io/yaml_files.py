@@ -64,6 +64,7 @@ _KEYS = {
     "motors": {"motors"},
     "drives": {"axes"},
     "stops": {"category", "deceleration", "limits", "motors", "ramp"},
+    "acceptance tests": {"frequencies", "limits", "repeats", "steps"},
     "perception model": {"k_w", "k_fw", "k_fg", "k_a"},
     "columns of a flight": {"force", "omega", "force_unit", "omega_unit", "axes", "lever"},
 }

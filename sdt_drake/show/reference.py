@@ -14,6 +14,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.schema import Part, json_schema, parts
 from sdt_drake.io.yaml_files import parse_yaml
+from sdt_drake.machine.accept.spec import Acceptance
 from sdt_drake.machine.cueing.flight import FlightColumns
 from sdt_drake.machine.drive_files.drives import Drives
 from sdt_drake.machine.recordings.columns import Columns
@@ -33,6 +34,7 @@ FILES: Mapping[str, type] = {
     "motors": Catalogue,
     "drives": Drives,
     "stops": Stopping,
+    "acceptance": Acceptance,
     "perception": PerceptionModel,
     "study": Study,
     "sizing": Sizing,
@@ -153,6 +155,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "motors": partial(_fields, "motors", "Motors"),
     "drives": partial(_fields, "drives", "Drives"),
     "stops": partial(_fields, "stops", "Emergency stops"),
+    "acceptance": partial(_fields, "acceptance", "Acceptance tests"),
     "perception": partial(_fields, "perception", "Perception models"),
     "study": partial(_fields, "study", "Studies"),
     "sizing": partial(_fields, "sizing", "Sizings"),

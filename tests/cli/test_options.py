@@ -49,6 +49,7 @@ OTHER_LINES = {"simulate": RUN, "step": AXIS, "tune": AXIS, "stability": RUN}
 """Other forms of a command: a scenario instead of a motion, no figure, another plant."""
 HEAVY = (
     "machine.identify.procedure:identify", "machine.identify.judge:judge", "machine.replay:replay",
+    "machine.accept.judge:accept_judge",
     "machine.cueing.procedure:fly", "machine.identify.excitation:excite",
     "analysis.stability:stability", "analysis.loop_step:step",
     "machine.learn.procedure:run_and_learn", "machine.learn.trials:learn",

@@ -9,7 +9,9 @@ POSITIONAL = {
     "identify": "sdt all.csv", "judge": "sdt all.csv", "replay": f"all.csv {RUN}", "view": RUN,
     "study run": "monte_carlo", "study show": "mc", "study repeat": "mc --row 0", "init": "new",
     "size": "sizing", "learn": RUN, "learn update": f"s all.csv --scenario {RUN}",
-    "fly": "sdt turn --out flown", "stops": "../given/coupled.yaml",
+    "accept plan": "../given/coupled.yaml", "accept judge": "../given all.csv",
+    "accept predict": "../given/coupled.yaml", "fly": "sdt turn --out flown",
+    "stops": "../given/coupled.yaml",
     **dict.fromkeys(("simulate", "compare", "bode", "diagram"), RUN),
     **dict.fromkeys(("budget", "stability"), AXIS),
 }  # fmt: skip
@@ -18,5 +20,5 @@ EVERY = [
     name
     for command in COMMANDS
     for name in (command, *(f"{command} {sub}" for sub in SUBCOMMANDS.get(command, ())))
-    if name != "study"  # has subcommands alone
+    if name not in ("accept", "study")  # have subcommands alone
 ]

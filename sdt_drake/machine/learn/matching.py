@@ -60,7 +60,7 @@ def match(
         near = 2.1 * max(design.reference.tracked.period, recorded.period)
         shift = 0.0 if abs(shift) < near else shift
     else:
-        found = [_found(recorded, q_ref, reference) for reference in references]
+        found = [found_reference(recorded, q_ref, reference) for reference in references]
         number = len(found) - 1 - int(np.argmin([one[0] for one in reversed(found)]))
         off, shift = found[number]
         if off > c.MAX_REFERENCE_ERROR:
@@ -130,7 +130,7 @@ def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     return float(np.argmax(alike) - (len(sought) - 2) - np.floor(first)) * step
 
 
-def _found(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, float]:
+def found_reference(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, float]:
     """Return the largest distance of a recorded reference from this one [rad], and its start [s].
 
     The start is found to a fraction of a sample by Gauss-Newton iteration.

@@ -1,0 +1,1 @@
+"""The acceptance test of a device: its motions, characteristics, limits and prediction."""
