@@ -70,6 +70,7 @@ def run(
     from sdt_drake.machine.drive_files.formats import write_drive_table
     from sdt_drake.machine.drive_files.set_points import samples_of
     from sdt_drake.motion import load_plan, margins
+    from sdt_drake.robot.rotors import without_friction
 
     common.check_out(out, show, [".csv"])
     if drive_table is not None:
@@ -91,6 +92,8 @@ def run(
             samples = samples_of(model, plan.motion, plan.motion.period)
         write_drive_table(drive_table, model, samples)
     _print_report(motion, planner, model, plan, report)
+    if line := without_friction(model):
+        echo(f"note: {line}")
     if stoppable is not None:
         slowed = f", {slower:.3g} times as slow as planned" if slower > 1 else ""
         echo(f"Its emergency stops are within the limits of {stoppable}{slowed}. {CAUTION}")

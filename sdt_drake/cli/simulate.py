@@ -38,7 +38,7 @@ def run(
     from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.tracking import stops_passed
     from sdt_drake.io.arguments import chosen_joints
-    from sdt_drake.robot.rotors import without_rotors
+    from sdt_drake.robot.rotors import without_friction, without_rotors
 
     common.check_out(out, show, [*TABLES, ".html", ".md"])
     is_drawn = show or (out is not None and out.suffix not in TABLES)
@@ -59,7 +59,9 @@ def run(
         found = heat_of(recording, design.windings)
         echo(f"the motion {found.sentence(design.device.simulated, recording.time[-1])}")
     stiffness = design.scenario.plant.stops.stiffness
-    if line := without_rotors(design.device.simulated):
+    no_friction = design.scenario.plant.friction.coulomb is None
+    left_out = without_rotors(design.nominal), without_friction(design.nominal) * no_friction
+    for line in filter(None, left_out):
         echo(f"note: {line}")
     for line in stops_passed(recording, design.device.simulated.joint_names, stiffness):
         echo(f"note: {line}")

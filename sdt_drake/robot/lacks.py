@@ -50,13 +50,6 @@ def told_zeros(zeros: dict[str, list[str]]) -> list[str]:
     ]
 
 
-def told_friction(names: Sequence[str], coulomb: Array) -> list[str]:
-    """Return a sentence on Coulomb friction of the file [N m], shape (n,), if there is any."""
-    values = ", ".join(f"{x:g}" for x in coulomb)
-    text = f"<friction> [{values}] N m of {', '.join(names)} is left to plant.friction.coulomb"
-    return [f"{text} of a scenario; the links have none"] if coulomb.any() else []
-
-
 def _quoted(kind: str, names: Sequence[str]) -> list[str]:
     first, *others = [f"'{name}'" for name in names]
     return [f"{kind}{'s' * bool(others)} {first}", *others]

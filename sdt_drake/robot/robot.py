@@ -22,7 +22,7 @@ from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
 from sdt_drake.robot import parsed
 from sdt_drake.robot.coupling import coupling_of, in_words, motor_inertia
 from sdt_drake.robot.envelope import Envelope
-from sdt_drake.robot.lacks import TORQUES, lacks_of, told_friction, told_zeros
+from sdt_drake.robot.lacks import TORQUES, lacks_of, told_zeros
 from sdt_drake.robot.rounding import fill_zeros
 from sdt_drake.robot.sdf import check_sdf, zero_limits
 from sdt_drake.robot.xml_files import parse_xml, read_robot_file
@@ -361,10 +361,7 @@ def _checked_robot(file: Path, root: ET.Element, without_mass: Sequence[str] = (
         damping=np.array([j.default_damping_vector()[0] for j in joints]),
         coulomb=coulomb,
         sdf=text,
-        accepted=(
-            *corrected, *told_zeros(zeros), *told_friction(names, coulomb),
-            *in_words(coupling, names),
-        ),
+        accepted=(*corrected, *told_zeros(zeros), *in_words(coupling, names)),
         lacks=lacks_of(file, massless, names, effort_limit, zeros["velocity"]),
     )  # fmt: skip
     if not massless:

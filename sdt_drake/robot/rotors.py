@@ -1,4 +1,4 @@
-"""Inertia of motors that a robot's file does not have: what is assumed, and what its lack means."""
+"""What links of a file lack of a real robot: rotors, which are assumed, and friction."""
 
 import numpy as np
 
@@ -40,3 +40,10 @@ def without_rotors(robot: Robot) -> str:
         f"no rotor inertia of {which} is known (<drake:rotor_inertia>, or device.motors of a "
         "scenario): motors turn the links alone, so that light joints react faster than real ones"
     )
+
+
+def without_friction(robot: Robot) -> str:
+    """Return a sentence on friction of the file, which the links do not have, "" if it has none."""
+    values = ", ".join(f"{x:g}" for x in robot.coulomb)
+    text = f"the file's <friction> [{values}] N m is left out: plant.friction.coulomb of a scenario"
+    return f"{text} simulates it" if robot.coulomb.any() else ""

@@ -9,11 +9,16 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import checked_input
 from sdt_drake.io.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot.held import weld
+from sdt_drake.robot.meshes import CONVERTED, converted
 from sdt_drake.robot.published import make_distinct
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.xml_files import parse_xml
+
+_MAX_PACKAGE = 1_000_000  # bytes of a package.xml
 
 MESHES = (".obj", ".gltf", ".vtk")
 """Suffixes of the meshes that Drake draws."""
@@ -61,9 +66,15 @@ def _placed(mesh: ET.Element, file: Path) -> str:
     path = _found(text, file)
     if path is None:
         return f"{text} is missing"
-    if path.suffix.lower() not in MESHES:
-        return f"{text} has an unsupported format, expected one of {', '.join(MESHES)}"
-    if why := _wrong_names(path, file):
+    suffix = path.suffix.lower()
+    if suffix not in (*MESHES, *CONVERTED):
+        known = ", ".join((*MESHES, *CONVERTED))
+        return f"{text} has an unsupported format, expected one of {known}"
+    try:
+        path = converted(path) if suffix in CONVERTED else path
+    except InputError as error:
+        return f"{text} {error}"
+    if suffix in MESHES and (why := _wrong_names(path, file)):
         return f"{text} {why}"
     for uri in mesh.findall("uri"):
         uri.text = f"file://{path}"
@@ -73,15 +84,31 @@ def _placed(mesh: ET.Element, file: Path) -> str:
 
 
 def _found(text: str, file: Path) -> Path | None:
-    """Find the file of a URI. A package is a folder of its name above the robot's file."""
+    """Find the file of a URI.
+
+    A package is a folder above the robot's file, or beside one above it, with its name, or a folder
+    above it whose package.xml has the name.
+    """
     kind, slashes, rest = text.rpartition("://")
     places = [file.parent / unquote(rest)]
     if text.startswith(PACKAGE_PREFIX):
         places = [models_dir() / text.removeprefix(PACKAGE_PREFIX)]
     elif slashes and kind != "file":
         package, _, inner = unquote(rest).partition("/")
-        places = [folder / package / inner for folder in file.resolve().parents]
+        above = file.resolve().parents
+        places = [folder / package / inner for folder in above]
+        places += [folder / inner for folder in above if _package_name(folder) == package]
     return next((place.resolve() for place in places if place.is_file()), None)
+
+
+def _package_name(folder: Path) -> str:
+    """Return the name of a ROS package by its package.xml; "" if the folder is none."""
+    file = folder / "package.xml"
+    try:
+        root = parse_xml(checked_input(file, _MAX_PACKAGE).read_bytes(), file)
+    except (InputError, OSError):
+        return ""
+    return (root.findtext("name") or "").strip()
 
 
 # --- other files of a mesh -----------------------------------------------------------------------

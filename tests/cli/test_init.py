@@ -145,10 +145,9 @@ def test_init_assumes_rotors_and_takes_over_friction_of_a_published_arm(good, de
         InputError, match=r"joint 2 a pole at .*; it has no rotor inertia, by <drake"
     ):
         make_design(alone)
-    assert (
-        "note: no rotor inertia of any joint is known"
-        in good("view", "arm.urdf", "--out", "r.html").out
-    )
+    shown = good("view", "arm.urdf", "--out", "r.html").out
+    assert "note: no rotor inertia of any joint is known" in shown
+    assert "note: the file's <friction> [1.5, 0] N m is left out: plant.friction.coulomb" in shown
     quiet = good("simulate", "scenario.yaml").out
     assert "rotor" not in quiet
     axis = ("--set", "device.motors=[]", "--set", "drive.n1=[9,9]", "--set", "drive.n0=[1e9,1e9]")

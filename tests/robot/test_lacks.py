@@ -9,6 +9,7 @@ from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion import load_plan
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.lacks import MASSES, SPEEDS, TORQUES
+from sdt_drake.robot.rotors import without_friction
 
 Q = np.array([[0.3, -0.7], [1.0, 2.0]])
 BODY = URDF[URDF.index("<inertial>") : URDF.index("</link>", URDF.index("<inertial>"))]
@@ -91,8 +92,7 @@ def test_friction_of_a_file_is_told_and_left_to_the_scenario(text):
     robot = loaded(text, _suffix(text))
     np.testing.assert_array_equal(robot.coulomb, [0.2, 0])
     np.testing.assert_array_equal(torque(robot), torque(loaded(ARM)))
-    (told,) = robot.accepted
-    assert "<friction> [0.2, 0] N m of shoulder, elbow is left to plant.friction.coulomb" in told
+    assert "<friction> [0.2, 0] N m is left out: plant.friction.coulomb" in without_friction(robot)
 
 
 # --- what is in the files beside a robot ----------------------------------------------------------

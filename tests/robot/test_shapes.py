@@ -1,10 +1,15 @@
 """Meshes of a robot's file: which are drawn, and which files they bring."""
 
 import os
+import sys
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 from helpers.robots import URDF
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.shapes import drawable
@@ -108,17 +113,68 @@ PLACES = [
     ("package://description/looks/a.gltf", "looks/a.gltf"),
     ("none.obj", "none.obj is missing"),
     ("package://sdt/../../a.obj", "package://sdt/../../a.obj is missing"),
-    ("a.dae", "a.dae has an unsupported format, expected one of .obj, .gltf, .vtk"),
+    ("package://{ros}/looks/a.gltf", "looks/a.gltf"),
+    ("package://other/looks/a.gltf", "package://other/looks/a.gltf is missing"),
+    ("a.ply", "a.ply has an unsupported format, expected one of .obj, .gltf, .vtk, .stl, .dae"),
+    ("a.dae", "a.dae cannot be read as .dae (DaeMalformedError: XML"),
+    ("b.dae", "b.dae has a <!DOCTYPE> or is no UTF-8, which is not supported"),
+    ("a.stl", "a.stl cannot be read as .stl (no triangles)"),
 ]
 """Names of meshes, and the files that they are, or why they are not drawn."""
 
 
 @pytest.mark.parametrize("uri, expected", PLACES)
 def test_mesh_is_found_beside_its_robot_or_in_its_package(with_mesh, tmp_path, uri, expected):
-    files = {"a b.obj": "", "a.dae": "", "looks/a.gltf": gltf('"images": []')}
+    files = {"a b.obj": "", "a.dae": "", "b.dae": "<!DOCTYPE a>", "a.stl": "solid a\nendsolid a"}
+    files |= {"looks/a.gltf": gltf('"images": []'), "a.ply": ""}
+    files["package.xml"] = "<package><name>{ros}</name></package>"
     told, home = with_mesh(files, f'filename="{uri}"'), tmp_path / "description"
     mesh = ET.fromstring(drawable(load_robot(home / "arm.urdf"))[0]).find(".//mesh")
     if expected in files:
         assert (told, mesh.get("filename")) == ("", f"file://{home / expected}")
     else:
-        assert (told, mesh) == (f"link 'upper': mesh {expected}", None)
+        assert told.startswith(f"link 'upper': mesh {expected}") and mesh is None
+
+
+STL = """solid box
+facet normal 0 0 0|outer loop|vertex 0 0 0|vertex 4 0 0|vertex 0 2 0|endloop|endfacet
+facet normal 0 0 0|outer loop|vertex 0 0 0|vertex 4 0 0|vertex 0 0 1|endloop|endfacet
+endsolid box""".replace("|", "\n")
+DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit meter="0.5"/><up_axis>Y_UP</up_axis></asset>
+<library_images><image id="i"><init_from>../secret</init_from></image></library_images>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="12">0 0 0 8 0 0 0 4 0 0 0 2</float_array>
+<technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 0 1 3</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.stl", STL), ("a.DAE", DAE)])
+def test_converted_mesh_has_the_corners_of_its_file(with_mesh, tmp_path, name, text):
+    """4 m along x, 2 m along y, 1 m along z, of COLLADA in units of 0.5 m; z is up as in ROS."""
+    assert with_mesh({name: text}) == ""
+    robot = load_robot(tmp_path / "description" / "arm.urdf")
+    plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    Parser(plant).AddModelsFromString(drawable(robot)[0], "urdf")
+    (shape,) = plant.GetVisualGeometriesForBody(plant.GetBodyByName("upper"))
+    mesh = scene_graph.model_inspector().GetShape(shape)
+    corners = mesh.GetConvexHull()
+    found = np.array([corners.vertex(k) for k in range(corners.num_vertices())])
+    np.testing.assert_allclose(
+        [found.min(axis=0), found.max(axis=0)], [[0, 0, 0], [4, 2, 1]], atol=1e-9
+    )
+
+
+def test_mesh_without_its_library_is_left_out_with_what_installs_it(with_mesh, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    told = with_mesh({"other.stl": STL})
+    assert told == (
+        "link 'upper': mesh other.stl needs trimesh, which is not installed: pip install "
+        "'sdt_drake[meshes]'"
+    )

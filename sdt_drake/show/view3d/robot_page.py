@@ -16,7 +16,7 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import joint_count, numbered
 from sdt_drake.robot.parsed import parts_of
 from sdt_drake.robot.robot import Robot
-from sdt_drake.robot.rotors import without_rotors
+from sdt_drake.robot.rotors import without_friction, without_rotors
 from sdt_drake.robot.shapes import drawable
 from sdt_drake.show.documents import html_of, render_html
 from sdt_drake.show.sections import Block, Table, bullets
@@ -89,8 +89,8 @@ def sentence(robot: Robot, links: Sequence[Link]) -> str:
 
 def limits_of_use(robot: Robot) -> list[str]:
     """Return what a robot's file lacks, and what that means, as sentences."""
-    rotors = without_rotors(robot)
-    return [f"{problem}" for problem in robot.lacks] + [rotors] * (rotors != "")
+    left_out = filter(None, (without_rotors(robot), without_friction(robot)))
+    return [*map(str, robot.lacks), *left_out]
 
 
 def joint_table(robot: Robot) -> Table:

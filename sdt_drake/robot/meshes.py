@@ -1,0 +1,67 @@
+"""Meshes in formats that Drake does not draw, converted to OBJ and glTF, which it does."""
+
+import atexit
+import io
+import tempfile
+from functools import cache, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.io.errors import InputError, needing, one_line
+from sdt_drake.io.files import checked_input
+
+CONVERTED = (".stl", ".dae")
+"""Suffixes of the meshes that are converted."""
+
+_MAX_BYTES = 100_000_000
+_Z_UP_TO_Y_UP = np.array(
+    [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]
+)  # Drake turns back
+
+
+def converted(mesh: Path) -> Path:
+    """Convert an STL mesh to OBJ, a COLLADA mesh with its colours to glTF.
+
+    The file stays until the process ends. An OBJ gets the colour of the robot's file. Lengths are
+    metres, or as COLLADA's unit says; z is up whatever its up axis is, as in ROS. Pictures that
+    COLLADA names are not read.
+
+    Raises:
+        InputError: trimesh is not installed, or the file cannot be read.
+    """
+    return _converted(mesh, mesh.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=1000)
+def _converted(mesh: Path, changed: int) -> Path:
+    with needing("needs trimesh, which is not installed", "sdt_drake[meshes]"):
+        import collada  # noqa: F401
+        import trimesh
+        from trimesh.exchange.gltf import export_gltf
+        from trimesh.exchange.obj import export_obj
+    data, kind = checked_input(mesh, _MAX_BYTES).read_bytes(), mesh.suffix.lower().removeprefix(".")
+    if kind == "dae" and (b"<!DOCTYPE" in data or b"\0" in data):
+        raise InputError("has a <!DOCTYPE> or is no UTF-8, which is not supported")
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind)
+        if not scene.geometry or not np.isfinite(scene.bounds).all():
+            raise ValueError("no triangles")
+        if kind == "dae":
+            scene = scene.convert_units("meters").apply_transform(_Z_UP_TO_Y_UP)
+            content, suffix = export_gltf(scene, embed_buffers=True)["model.gltf"], ".gltf"
+        else:
+            text = export_obj(scene.to_mesh(), include_texture=False, include_color=False)
+            content, suffix = text.encode(), ".obj"
+    except Exception as error:  # the libraries raise many types
+        raise InputError(f"cannot be read as {mesh.suffix} ({one_line(error)})") from None
+    file = Path(_folder()) / f"{len(list(Path(_folder()).iterdir()))}{suffix}"
+    file.write_bytes(content)
+    return file
+
+
+@cache
+def _folder() -> str:
+    folder = tempfile.TemporaryDirectory(prefix="sdt_drake_meshes_")
+    atexit.register(folder.cleanup)
+    return folder.name
