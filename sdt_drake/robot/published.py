@@ -206,11 +206,16 @@ def few(names: Sequence[str], most: int = 4) -> str:
     return listed([*names[: most - 1], f"{len(names) - most + 1} others"])
 
 
+def distinct(link: str, joints: Collection[str]) -> str:
+    """Return the name of a link that no joint has."""
+    return f"{link} (link)" if link in joints else link
+
+
 def make_distinct(robot: ET.Element) -> list[str]:
     """Rename links that have the name of a joint, which SDF does not allow, in place."""
     joints = {joint.get("name", "") for joint in robot.findall("joint")}
     links = {link.get("name", "") for link in robot.findall("link")}
-    renamed = {name: f"{name} (link)" for name in sorted(joints & links)}
+    renamed = {name: distinct(name, joints) for name in sorted(joints & links)}
     for element in robot.iter():
         for attribute in ("name", "link"):
             name = element.get(attribute, "")

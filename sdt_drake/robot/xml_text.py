@@ -13,6 +13,8 @@ class _Place(NamedTuple):
     start: int
     head: int
     """End of the start tag."""
+    tail: int
+    """Start of the end tag; `head` if there is none, as in <a/>."""
     end: int
 
 
@@ -48,8 +50,8 @@ def _parsed(data: bytes) -> tuple[ET.Element, dict[ET.Element, _Place]]:
         builder.end(tag)
         element, at, head = open_.pop()
         is_empty = data[head - 2 : head] == b"/>"
-        last = head if is_empty else data.index(b">", reader.CurrentByteIndex) + 1
-        places[element] = _Place(at, head, last)
+        tail = head if is_empty else reader.CurrentByteIndex
+        places[element] = _Place(at, head, tail, head if is_empty else data.index(b">", tail) + 1)
 
     reader.StartElementHandler, reader.EndElementHandler = start, end
     reader.Parse(data, True)
@@ -72,13 +74,15 @@ def _changes(
     before: dict[ET.Element, tuple[dict[str, str], list[ET.Element]]],
 ) -> Iterator[tuple[int, int, str]]:  # fmt: skip
     """Yield start, end and new text of what changed in an element."""
-    (start, head, end), (attributes, children) = places[element], before[element]
+    (start, head, tail, end), (attributes, children) = places[element], before[element]
     new = "".join(ET.tostring(one, encoding="unicode") for one in element if one not in places)
-    if new or attributes != element.attrib:
+    is_empty = head == end
+    if attributes != element.attrib or (new and is_empty):
         inner = "".join(f" {name}={quoteattr(value)}" for name, value in element.items())
-        close = "/>" if head == end and not new else ">"
-        tail = f"</{element.tag}>" if head == end and new else ""
-        yield start, head, f"<{element.tag}{inner}{close}{new}{tail}"
+        whole = f">{new}</{element.tag}>" if new else "/>"
+        yield start, head, f"<{element.tag}{inner}{whole if is_empty else '>'}"
+    if new and not is_empty:
+        yield tail, tail, new
     kept = set(element)
     for child in children:
         if child in kept:

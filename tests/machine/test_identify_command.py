@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.command_line import ARM
-from helpers.robots import loaded
+from helpers.robots import URDF, loaded
 from helpers.simulated_recordings import course
 
 import sdt_drake as sdt
@@ -24,13 +23,14 @@ COULOMB, VISCOUS = [8.0, 3.0], [4.0, 2.0]
 @pytest.fixture
 def recording(desk):
     """An arm whose lower link is 0.5 kg heavier than in its file, with friction and noise."""
-    arm, rng = loaded(ARM), np.random.default_rng(5)
+    arm, rng = loaded(URDF, ".urdf"), np.random.default_rng(5)
     time, q, v, vd = course(replace(arm, velocity_limit=np.full(2, 5.0)), rng, 5.0, 200.0)
     tau = inverse_dynamics(deviated(arm, Deviation("lower", payload_mass=0.5)), q, v, vd)
     tau = tau + np.multiply(COULOMB, np.sign(v)) + np.multiply(VISCOUS, v)
     tau = tau + 0.1 * rng.normal(size=tau.shape)
     write_table(desk / "run.csv", time, {"q": q, "tau": tau})
-    return "../given/arm.sdf", "run.csv"
+    (desk / "arm.urdf").write_text(URDF, encoding="utf-8")
+    return "arm.urdf", "run.csv"
 
 
 def test_a_recording_becomes_a_robot_a_scenario_and_a_study_that_run(
@@ -47,7 +47,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study_that_run(
     np.testing.assert_allclose(friction.coulomb, COULOMB, rtol=0.05)
     np.testing.assert_allclose(friction.viscous, VISCOUS, rtol=0.05)
     mass, com, _ = parts_of(sdt.load_robot(out / "robot.sdf").plant.GetBodyByName("lower"))
-    assert mass * com[0] == pytest.approx(2.5 * 0.5, rel=0.02)  # kg m, what gravity tells
+    assert mass * com[0] == pytest.approx(2.5 * 0.3, rel=0.02)  # kg m, what gravity tells
 
     rows = list(csv.DictReader((out / "parameters.csv").open()))
     stds = [float(row["std"]) for row in rows if row["kind"] == "base"]
@@ -61,6 +61,10 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study_that_run(
     judged = good("judge", out / "robot.sdf", recording[1], "--friction", out / "friction.yaml").out
     left = {line.split("  ")[0]: line.split()[-2:] for line in judged.splitlines()}
     assert max(map(float, left["robot and friction"])) < 3
+    written = [sdt.load_robot(out / f"robot.{kind}") for kind in ("sdf", "urdf")]
+    masses = [robot.mass_matrix(robot.context_at_zero()) for robot in written]
+    np.testing.assert_allclose(*masses, rtol=1e-12)
+    np.testing.assert_array_equal(*(robot.damping for robot in written))
     assert min(map(float, left["robot without friction"])) > 10
 
     assert np.abs(sdt.simulate(sdt.load(out / "scenario.yaml")).position_error).max() < 0.02

@@ -19,6 +19,7 @@ from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
+from sdt_drake.robot.urdf_text import urdf_with
 from sdt_drake.run.controllers import PPi
 from sdt_drake.run.scenario import Scenario, load_scenario, robot_of, save_scenario
 
@@ -29,7 +30,7 @@ _MAX_STANDING = 0.98  # share of the largest torque that a motor may need at sta
 _OMEGA_R = 60.0  # assumed lowest natural frequency of other robots [rad/s]
 
 FILES = (
-    *("robot.sdf", "motion.csv", "friction.yaml", "scenario.yaml"),
+    *("robot.sdf", "robot.urdf", "motion.csv", "friction.yaml", "scenario.yaml"),
     *("uncertainty.csv", "uncertain.yaml", "uncertainty.yaml"),
 )
 """Names of the files that `write_files` writes; not every robot needs all of them."""
@@ -90,6 +91,8 @@ def write_files(
         "controller.model": Deviation(),
     }
     save_robot(found, folder / "robot.sdf")
+    if robot.path.suffix.lower() == ".urdf":
+        write_text(folder / "robot.urdf", urdf_with(robot, found.nominal))
     if scenario.motion == _MOTION:
         motion, notes = recorded_motion(found, robot, scenario.period)
         motion.to_csv(folder / _MOTION)
