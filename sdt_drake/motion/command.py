@@ -1,5 +1,6 @@
 """Commanded joint speeds as functions of time, made from a motion profile and a robot."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,8 @@ from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
-from sdt_drake.motion.segments import PiecewiseLinearSpeed, Ramp, Segment, SmoothSpeed, Turn
+from sdt_drake.motion.segments import PiecewiseLinearSpeed, Ramp, Segment, Turn
+from sdt_drake.motion.smooth import SmoothSpeed, Spline
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.robot import Robot
@@ -270,6 +272,12 @@ def _speed_profile(
             )
         for time, speed in steps:
             extend(start + time, speed, along_cosine=segment.blend == "cosine")
+        if isinstance(segment, Spline) and abs(math.radians(segment.points[0][1]) - angle) > 1e-6:
+            first, here = segment.points[0][1], np.degrees(angle)
+            raise InputError(
+                f"{first:g} deg, expected {here:.6g} deg, the angle of the joint there",
+                place=f"{place}.points[1]",
+            )
         if isinstance(segment, SmoothSpeed):
             smooth.append((start, segment))
             angle += segment.angle()

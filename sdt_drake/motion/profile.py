@@ -7,6 +7,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field
 
 from sdt_drake.io.fields import (
+    ByTag,
     EachJoint,
     EachJointOrNone,
     Input,
@@ -21,7 +22,14 @@ from sdt_drake.io.fields import (
 )
 from sdt_drake.io.resources import shipped
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.motion.segments import AnySegment, Hold, JointSegment, Ramp, either
+from sdt_drake.motion.segments import Hold, Knots, Ramp, Sampled, Turn, either
+from sdt_drake.motion.smooth import Fourier, Oscillation, Spline
+
+_Whole = Knots | Sampled | Oscillation | Fourier | Spline
+JointSegment = Annotated[_Whole, ByTag()]
+"""A segment that may be the whole motion of a joint."""
+AnySegment = Annotated[Ramp | Hold | Turn | _Whole, ByTag()]
+"""A segment of a track."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,14 +7,13 @@ the sum of (v_i + v_i+1) / 2 times the duration of each piece for both. Smooth s
 import itertools
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import (
-    ByTag,
     NonEmpty,
     NotNegative,
     Number,
@@ -35,9 +34,6 @@ _PEAK_ACCELERATION = {"cosine": np.pi / 2, "linear": 1.0}
 # Largest speed of a turn, over its mean one: up and down along cosines, or a trapezoid whose
 # thirds take equal times.
 _PEAK_SPEED = {"cosine": 2.0, "linear": 1.5}
-_MAX_SWINGS = 100_000  # by memory
-_SAMPLES_PER_SWING = 16  # to check what an interpolation period loses of it
-_DIGITS = 1e-6  # relative round-off of numbers in a file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,15 +181,7 @@ class Knots(PiecewiseLinearSpeed):
 
     def problems(self) -> Problems:
         """Yield knots that are not pairs with growing times from 0."""
-        if len(self.knots) < 2 or any(len(knot) != 2 for knot in self.knots):
-            yield "knots", "expected at least two pairs [time s, speed rad/s]"
-            return
-        times = [time for time, _ in self.knots]
-        if times[0] != 0:
-            yield "knots", f"start at {times[0]:.9g} s, expected 0 s"
-        for earlier, later in itertools.pairwise(times):
-            if later <= earlier:
-                yield "knots", f"time {later:g} s after {earlier:g} s, expected growing times"
+        yield from not_pairs("knots", "speed rad/s", self.knots)
 
     def points(self) -> list[SpeedStep]:
         """Return the knots."""
@@ -219,136 +207,17 @@ class Sampled(PiecewiseLinearSpeed):
         return [(i * self.period, v) for i, v in enumerate(self.speeds)]
 
 
-class SmoothSpeed(Segment):
-    """A smooth speed from rest to rest, added to that of the pieces."""
-
-    end: float
-    """End of the smooth speed since the start of the segment [s]."""
-
-    @abstractmethod
-    def speed(self, time: Array) -> Array:
-        """Return the joint speed [rad/s] at `time` [s] since the start, shape (N,); 0 outside."""
-
-    @abstractmethod
-    def corners(self) -> Array:
-        """Return growing times since the start [s], between which the speed is monotonic."""
-
-    @abstractmethod
-    def angle(self) -> float:
-        """Return the change of the joint angle [rad]."""
-
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
-        """Return a piece of rest; the smooth speed is added to it."""
-        return [(self.end, 0.0)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Oscillation(SmoothSpeed):
-    """The speed of a sinusoidal angle A sin(2 pi t / T), faded in and out.
-
-    v(t) = A (2 pi / T) cos(2 pi t / T) clip(t / fade, 0, 1) clip((end - t) / fade, 0, 1),
-    with t since the start of the segment.
-    """
-
-    amplitude: Number = field(unit="rad", side="joint")
-    """A, amplitude of the angle."""
-    period: Positive = field(unit="s")
-    """T, period of the swing."""
-    fade: Positive = field(unit="s")
-    """Duration of fading in, and of fading out."""
-    end: Positive = field(unit="s")
-    """End of the swing at rest, since the start of the segment."""
-
-    def problems(self) -> Problems:
-        """Yield a period that is too short for the number of swings."""
-        yield from _too_many(self.period, self.end)
-
-    def speed(self, time: Array) -> Array:
-        """Return the joint speed [rad/s] at `time` [s] since the start."""
-        omega = 2 * np.pi / self.period
-        fade_in = np.clip(time / self.fade, 0, 1)
-        fade_out = np.clip((self.end - time) / self.fade, 0, 1)
-        return self.amplitude * omega * np.cos(omega * time) * fade_in * fade_out
-
-    def corners(self) -> Array:
-        """Return 16 times per period and the corners of fading, since the start [s], growing."""
-        turns = np.arange(0, self.end, self.period / _SAMPLES_PER_SWING)
-        fading = np.array([self.fade, self.end - self.fade, self.end])
-        return np.unique(np.concatenate([turns, np.clip(fading, 0, self.end)]))
-
-    def angle(self) -> float:
-        """Return the change of the joint angle [rad]."""
-        nodes, weights = np.polynomial.legendre.leggauss(8)
-        corners = self.corners()
-        half, middle = np.diff(corners) / 2, (corners[1:] + corners[:-1]) / 2
-        return float(half @ self.speed(middle[:, None] + half[:, None] * nodes) @ weights)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fourier(SmoothSpeed):
-    """A sum of harmonics over whole periods.
-
-    q(t) - q(0) = sum over l of sine_l sin(2 pi l t / T) + cosine_l (cos(2 pi l t / T) - 1),
-    with t since the start of the segment.
-    """
-
-    period: Positive = field(unit="s")
-    """T, period of the first harmonic."""
-    sine: NonEmpty[Number] = field(unit="rad", side="joint")
-    """Sine amplitudes of the angle. The sum of l sine_l is 0: the motion starts at rest."""
-    cosine: NonEmpty[Number] = field(unit="rad", side="joint")
-    """Cosine amplitudes of the angle, as many as sine."""
-    end: Positive = field(unit="s")
-    """End of the motion at rest, since the start of the segment: a multiple of the period."""
-
-    def problems(self) -> Problems:
-        """Yield amplitudes and times without rest at both ends, and too many swings."""
-        if len(self.sine) != len(self.cosine):
-            yield "cosine", f"{len(self.cosine)} value(s), expected {len(self.sine)} as in sine"
-            return
-        if too_many := list(_too_many(self.period, self.end * len(self.sine))):
-            yield from too_many
-        elif abs(self.end / self.period - round(self.end / self.period)) > _DIGITS:
-            yield "end", f"{self.end:g} s, expected a multiple of the period, {self.period:g} s"
-        start = float(self.speed(np.zeros(1))[0])
-        if abs(start) > _DIGITS * (1 + float(np.abs(self._omega @ np.abs(self.sine)))):
-            yield "sine", f"starts at {start:.3g} rad/s, expected rest: sum of l sine_l = 0"
-
-    @property
-    def _omega(self) -> Array:
-        """Frequencies of the harmonics [rad/s]."""
-        return 2 * np.pi / self.period * np.arange(1.0, len(self.sine) + 1)
-
-    def speed(self, time: Array) -> Array:
-        """Return the joint speed [rad/s] at `time` [s] since the start, shape (N,); 0 outside."""
-        phase, omega = np.multiply.outer(time, self._omega), self._omega
-        v = np.cos(phase) @ (omega * self.sine) - np.sin(phase) @ (omega * self.cosine)
-        v[(time < 0) | (time > self.end)] = 0.0
-        return np.asarray(v, dtype=np.float64)
-
-    def corners(self) -> Array:
-        """Return 16 times per period of the highest harmonic, since the start [s], growing."""
-        count = round(self.end / self.period) * _SAMPLES_PER_SWING * len(self.sine)
-        return np.linspace(0.0, self.end, count + 1)
-
-    def angle(self) -> float:
-        """Return 0: a whole period ends at its start angle."""
-        return 0.0
-
-
-_Whole = Knots | Sampled | Oscillation | Fourier
-JointSegment = Annotated[_Whole, ByTag()]
-"""A segment that may be the whole motion of a joint."""
-AnySegment = Annotated[Ramp | Hold | Turn | _Whole, ByTag()]
-"""A segment of a track."""
-
-
-def _too_many(period: float, end: float) -> Problems:
-    """Yield a problem if there are more than `_MAX_SWINGS` until the end."""
-    least = end / _MAX_SWINGS
-    if period < least:
-        text = f"{period:g} s, expected at least {least:g} s, for {_MAX_SWINGS} swings"
-        yield "period", text
+def not_pairs(name: str, value: str, pairs: Sequence[Sequence[float]]) -> Problems:
+    """Yield what keeps a field from being pairs of time, growing from 0, and value."""
+    if len(pairs) < 2 or any(len(pair) != 2 for pair in pairs):
+        yield name, f"expected at least two pairs [time s, {value}]"
+        return
+    times = [time for time, _ in pairs]
+    if times[0] != 0:
+        yield name, f"start at {times[0]:.9g} s, expected 0 s"
+    for earlier, later in itertools.pairwise(times):
+        if later <= earlier:
+            yield name, f"time {later:g} s after {earlier:g} s, expected growing times"
 
 
 def either(thing: object, one: str, other: str) -> Problems:

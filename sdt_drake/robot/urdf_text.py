@@ -36,7 +36,10 @@ def _edit(root: ET.Element, robot: Robot, file: Robot) -> None:
         name = distinct(link.get("name", ""), joints)
         if robot.plant.HasBodyNamed(name) and robot.plant.GetBodyByName(name).default_mass() > 0:
             new, old = (parts_of(x.plant.GetBodyByName(name)) for x in (robot, file))
-            if not all(np.array_equal(*pair) for pair in zip(new, old, strict=True)):
+            now, was = (
+                np.hstack([mass, com, central.ravel()]) for mass, com, central in (new, old)
+            )
+            if not np.array_equal(now, was):
                 _put_link(link, *new)
     for k, name in enumerate(robot.joint_names):
         if robot.damping[k] != file.damping[k]:

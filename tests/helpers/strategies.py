@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from helpers.robots import chain_names, chain_sdf, loaded
 from sdt_drake.motion import Motion, MotionProfile
 from sdt_drake.motion.profile import Track
-from sdt_drake.motion.segments import Fourier, Hold, Oscillation, Ramp, Segment, Turn
+from sdt_drake.motion.segments import Hold, Ramp, Segment, Turn
+from sdt_drake.motion.smooth import Fourier, Oscillation
 from sdt_drake.robot.robot import Robot
 
 GENERATORS = st.integers(0, 2**32 - 1).map(np.random.default_rng)

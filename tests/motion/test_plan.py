@@ -20,7 +20,7 @@ from sdt_drake.motion import (
     plan_motion,
     retime,
 )
-from sdt_drake.motion.segments import Oscillation
+from sdt_drake.motion.smooth import Oscillation
 from sdt_drake.run.simulate import simulate
 
 

@@ -21,6 +21,8 @@ from sdt_drake.motion import (
     plan_motion,
     retime,
 )
+from sdt_drake.motion.profile import MotionProfile, Track
+from sdt_drake.motion.smooth import Spline
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.motors import as_driven
@@ -310,3 +312,22 @@ def test_retimed_motion_of_too_many_periods_is_refused(robot):
     assert 4 < retime(robot, SWING, torque_margin=0.65, max_periods=840).motion.duration < 4.2
     with pytest.raises(InputError, match=r"'alone' refused: .* 1\.05 times as long .*, 4 s"):
         retime(robot, SWING, torque_margin=0.5, max_periods=840)
+
+
+def test_retiming_goes_through_waypoints_without_stopping():
+    """Times that are far too short: both joints are as fast as the torques of one of them allow."""
+    robot, points = loaded(ARM), np.array([[0, 0, 0], [0.1, 20, -30], [0.2, 30, 20], [0.3, -9, 70]])
+    tracks = [
+        Track(joint=name, segments=[Spline(points=points[:, [0, k]])])
+        for k, name in enumerate(robot.joint_names, 1)
+    ]
+    command = command_of(MotionProfile(duration=0.3, tracks=tracks), robot)
+    plan = retime(robot, command, period=PERIOD)
+    assert plan.motion.duration > 1.5 * command.duration
+    tree = cKDTree(np.degrees(plan.motion.q))
+    apart, at = tree.query(points[:, 1:])
+    assert apart.max() < 0.5 and np.all(np.diff(at) > 0)
+    speed = np.abs(plan.motion.v).max(axis=1)
+    assert speed[at[0] + 5 : at[-1] - 5].min() > 0.1  # rad/s, nowhere at rest
+    use = np.abs(plan.torque).max(axis=0) / robot.effort_limit
+    assert 0.98 < use.max() <= 1 + 1e-9

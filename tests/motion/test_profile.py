@@ -14,7 +14,8 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Command, Motion, MotionProfile, command_of, load_command
 from sdt_drake.motion.profile import Resultant, Track
-from sdt_drake.motion.segments import Fourier, Ramp, Sampled, Turn
+from sdt_drake.motion.segments import Ramp, Sampled, Turn
+from sdt_drake.motion.smooth import Fourier, Spline
 from sdt_drake.robot.robot import edited, load_robot
 
 DEVICE = load_robot()
@@ -68,6 +69,28 @@ def test_fourier_speeds_equal_series_by_hand():
     v = of_yaw(series, duration=11.0).speeds(np.array([1.0, 2, 3, 4, 9, 11]))
     expected = np.pi * np.array([0, 0.1, -0.3, 0.2, 0, 0])
     np.testing.assert_allclose(v, expected[:, None] * [0, 0, 0, 1], atol=1e-14)
+
+
+THROUGH = [[0, 0], [0.5, 40], [1.2, 30], [2, 90]]
+
+
+def test_spline_passes_all_points_without_a_stop_between():
+    """Between points the angle is cubic: its acceleration is linear, and continuous at points."""
+    command = of_yaw(Spline(at=1, points=THROUGH), duration=4.0)
+    motion = sampled(command, 1e-3)
+    times, angles = np.transpose(THROUGH)
+    at = np.round((1 + times) / 1e-3).astype(int)
+    np.testing.assert_allclose(np.degrees(motion.q[at, 3]), angles, atol=1e-3)
+    assert np.all(np.abs(motion.v[at[1:-1], 3]) > 0.1) and not motion.v[at[[0, -1]], 3].any()
+    inner, jumps = motion.vd[at[0] : at[-1], 3], at[1:-1] - at[0]
+    assert np.abs(np.diff(inner)).max() < 0.1  # rad/s², within 1 ms
+    bends = np.abs(np.diff(inner, 2)) > 1e-6
+    assert {int(k) for k in np.flatnonzero(bends)} <= {k + d for k in jumps for d in (-2, -1, 0)}
+
+
+def test_spline_starts_where_its_joint_is():
+    with pytest.raises(InputError, match=r"points\[1\]: 5 deg, expected 0 deg, the an"):
+        of_yaw(Spline(points=[[0, 5], [1, 10]]), duration=2.0)
 
 
 @settings(max_examples=15)
@@ -185,7 +208,8 @@ BAD = [  # tracks, each a joint or resultant with its segments
          "!Fourier {period: 2, sine: [1, -0.5], cosine: [0, 1], end: 3}",
          "!Fourier {period: 2, sine: [1, 0.5], cosine: [0, 1], end: 4}",
          "!Fourier {period: 2, sine: [1, -0.5], cosine: [0], end: 4}",
-         "!Oscillation {amplitude: 1, period: 1e-9, fade: 1, end: 2}"),
+         "!Oscillation {amplitude: 1, period: 1e-9, fade: 1, end: 2}",
+         "!Spline {points: [[0, 0], [2, 9], [1, 3]]}", "!Spline {points: [[1, 0], [2, 9]]}"),
         (UPRIGHT, END, "!Turn {by_deg: 15, duration: 4}",
          "!Ramp {to_g: 2, duration: 4, blend: linear}"),
     ],

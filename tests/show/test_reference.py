@@ -50,7 +50,7 @@ def test_committed_reference_equals_the_command():
     # The tags that editors have to be told.
     schemas = "".join(TOPICS[topic]().markdown() for topic in FILES)
     tags = set(re.findall(r"`(!\w+)`", schemas))
-    assert set(re.findall(r'"(!\w+) mapping"', page)) == tags and len(tags) == 13
+    assert set(re.findall(r'"(!\w+) mapping"', page)) == tags and len(tags) == 14
 
 
 def test_reference_command_prints_and_writes_all_topics(tmp_path, capsys):

@@ -27,7 +27,7 @@ from sdt_drake.machine.identify.filtering import HELD_OUT
 from sdt_drake.machine.identify.limits import Limits
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion.profile import MotionProfile, Track
-from sdt_drake.motion.segments import Fourier
+from sdt_drake.motion.smooth import Fourier
 
 MARGIN, GENTLY = 0.8, 0.3
 """Share of all limits that a motion uses, and further factor on speeds and accelerations for a
