@@ -10,13 +10,15 @@ NEUTRAL = {"beyond limit", "at limit", "excitation", "still", "inconsistent"}
 """Kinds of findings that blame no recording."""
 
 EXPECTED = {
-    "jitter": ("uneven", ""),
+    "logger_clock": ("uneven", "another column of time"),
     "rounded": ("rounded", ""),
     "missing": ("missing", ""),
     "repeated": ("repeated", ""),
     "held": ("held", "torque_delay: "),
     "frozen_q": ("frozen", "q_"),
     "frozen_tau": ("frozen", "tau_"),
+    "frozen_all_q": ("frozen", "q: all joints"),
+    "frozen_all_tau": ("frozen", "tau: all joints"),
     "clipped": ("clipped", ""),
     "speeds_in_degrees": ("speeds", "in degrees"),
     "speeds_of_motors": ("speeds", "those of the motor"),

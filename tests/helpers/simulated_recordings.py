@@ -167,6 +167,13 @@ def jitter(x: Truth, rng: np.random.Generator) -> Recorded:
     return replace(x.recorded, time=other, signals=signals)
 
 
+def logger_clock(x: Truth, rng: np.random.Generator) -> Recorded:
+    """Times at which a logger wrote samples of an even clock, of which one in fifty is lost."""
+    time, period = x.recorded.time, float(np.median(np.diff(x.recorded.time)))
+    written = replace(x.recorded, time=time + rng.uniform(-0.3, 0.3, len(time)) * period)
+    return missing(replace(x, recorded=written), rng)
+
+
 def rounded(x: Truth, rng: np.random.Generator) -> Recorded:
     """Times in whole periods of four, so that they stand still for no sample: to a third."""
     time, period = x.recorded.time, float(np.median(np.diff(x.recorded.time)))
@@ -213,6 +220,23 @@ def _frozen(name: str) -> Fault:
 
 
 frozen_q, frozen_tau = _frozen("q"), _frozen("tau")
+
+
+def _all_frozen(name: str) -> Fault:
+    """A signal of all joints stands for half a second in the middle of the motion."""
+
+    def fault(x: Truth, rng: np.random.Generator) -> Recorded:
+        values = np.array(x.recorded.signals[name])
+        count = round(0.5 / np.median(np.diff(x.recorded.time)))
+        fast = np.all(np.abs(x.v[:-count]) > 0.1 * np.abs(x.v).max(axis=0), axis=1)
+        start = int(rng.choice(np.flatnonzero(fast)))
+        values[start : start + count] = values[start]
+        return changed(x.recorded, **{name: values})
+
+    return fault
+
+
+frozen_all_q, frozen_all_tau = _all_frozen("q"), _all_frozen("tau")
 
 
 def clipped(x: Truth, rng: np.random.Generator) -> Recorded:

@@ -76,13 +76,15 @@ def test_uneven_time_is_read_and_gaps_are_refused(robot, true):
 # --- what is seen in a recording alone -------------------------------------------------------
 
 FAULTS = {
-    "jitter": ("uneven", "time: ", ""),
+    "logger_clock": ("uneven", "time: ", ""),
     "rounded": ("rounded", "time: ", "time: '', rate: 1"),
     "missing": ("missing", "time: ", ""),
     "repeated": ("repeated", "q: ", ""),
     "held": ("held", "tau: ", "torque_delay: 0.012"),
     "frozen_q": ("frozen", "q_", ""),
     "frozen_tau": ("frozen", "tau_", ""),
+    "frozen_all_q": ("frozen", "q: all joints are frozen for 0.496 s", ""),
+    "frozen_all_tau": ("frozen", "tau: all joints are frozen for 0.496 s", ""),
     "clipped": ("clipped", "tau_", ""),
     "speeds_in_degrees": ("speeds", "v_1: ", ""),
     "speeds_of_motors": ("speeds", "v_1: ", ""),
@@ -115,3 +117,8 @@ def test_recording_fault_is_named_with_columns_to_write(arm, fault):
 def test_clean_recordings_have_no_finding(name):
     truth = simulated.truth(name, 20)
     assert found(truth, truth.recorded) == []
+
+
+def test_uneven_steps_of_samples_at_their_times_are_no_finding(arm):
+    """Nothing could be done about them."""
+    assert found(arm, simulated.jitter(arm, np.random.default_rng(2))) == []

@@ -20,6 +20,7 @@ HELD_SHARE = 1 / 3  # [-] share of repeated rows above which all are [0.5-2]
 RESOLVED = 3.0  # [increments] motion in a sample that an encoder resolves [0.5-2]
 FROZEN_TIME = 0.1  # [s] duration of a frozen signal [0.5-2]
 MIN_FROZEN_ROWS = 5  # [samples] [0.5-2]
+JUMP = 3.0  # [-] step after a frozen signal over usual steps
 MOVING = 0.1  # [-] speed over the largest one [0.5-2]
 EDGE = 0.01  # [-] distance from the largest torque over the range of torques [0.5-2]
 PILE = 5.0  # [-] samples at the largest torque over those within EDGE of it [0.5-2]

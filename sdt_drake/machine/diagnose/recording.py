@@ -42,6 +42,7 @@ def _checked(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
         yield from _repeated(recorded, moves)
         for name in ("q", "tau"):
             if name in signals:
+                yield from _all_frozen(recorded, name, moves)
                 yield from _frozen(recorded, name, moves)
         if "v" in signals:
             yield from _speeds(robot, recorded)
@@ -55,7 +56,10 @@ def _checked(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
 
 
 def _sampling(recorded: Recorded) -> Iterator[Finding]:
-    """Check for missing samples and uneven or rounded times."""
+    """Check for missing samples, and for uneven times that are not those of the samples.
+
+    Times that are uneven as the samples are need no remedy.
+    """
     time, usual = recorded.time, recorded.period
     steps = np.delete(np.diff(time), recorded.gaps) / usual
     lost = np.round(steps).astype(int) - 1
@@ -70,15 +74,17 @@ def _sampling(recorded: Recorded) -> Iterator[Finding]:
         return
     differ = {"share": share, "step_s": usual, "more": c.UNEVEN_STEP}
     rate = (len(time) - 1) / float(time[-1] - time[0])
-    even = time[0] + np.arange(len(time)) / rate
-    if "q" in recorded.signals and not len(recorded.gaps) and np.abs(time - even).max() < 1 / rate:
-        q = recorded.signals["q"]
-        smoother = _roughness(time, q) / max(_roughness(even, q), 1e-12)
-        if smoother > 1 / c.SMOOTHER:
-            remedy = f"time: '', rate: {rate:.6g}"
-            yield finding("rounded", (), remedy, smoother=smoother, rate_Hz=rate, **differ)
-            return
-    yield finding("uneven", **differ)
+    if "q" not in recorded.signals:
+        return
+    even, q = time[0] + np.arange(len(time)) / rate, recorded.signals["q"]
+    smoother = _roughness(time, q) / max(_roughness(even, q), 1e-12)
+    if smoother < 1 / c.SMOOTHER:
+        return
+    if np.abs(time - even).max() < 1 / rate:
+        remedy = f"time: '', rate: {rate:.6g}"
+        yield finding("rounded", (), remedy, smoother=smoother, rate_Hz=rate, **differ)
+    else:  # samples may be missing, too
+        yield finding("uneven", smoother=smoother, **differ)
 
 
 def _roughness(time: Array, values: Array) -> float:
@@ -99,7 +105,10 @@ def _increments(values: Array) -> Array:
 
 
 def _repeated(recorded: Recorded, moves: Mask) -> Iterator[Finding]:
-    """Check for rows that repeat all positions or torques of the row before, during motion."""
+    """Check for rows that repeat all positions or torques of the row before, during motion.
+
+    Longer runs of them are left to `_all_frozen`, unless they are usual.
+    """
     q, rate = recorded.signals["q"], 1 / recorded.period
     wide = np.abs(q[2:] - q[:-2]) / 2 > c.RESOLVED * _increments(q)  # over two samples
     expected = np.any(wide & moves[1:-1], axis=1)
@@ -110,6 +119,10 @@ def _repeated(recorded: Recorded, moves: Mask) -> Iterator[Finding]:
         for name in ("q", "tau")
         if name in recorded.signals
     }
+    for rows in still.values():
+        runs = [np.arange(*run) for run in zip(*_long_runs(rows, recorded), strict=True)]
+        if sum(map(len, runs)) < c.HELD_SHARE * expected.sum():
+            rows[np.concatenate([*runs, []]).astype(int)] = False
     shares = {name: float(rows.sum() / expected.sum()) for name, rows in still.items()}
     for name, share in shares.items():
         if share <= c.CHANCE_SHARE or still[name].sum() < c.MIN_REPEATED_ROWS:
@@ -126,18 +139,48 @@ def _repeated(recorded: Recorded, moves: Mask) -> Iterator[Finding]:
             yield finding("repeated", signal=name, share=share, first_s=first)
 
 
+def _all_frozen(recorded: Recorded, name: str, moves: Mask) -> Iterator[Finding]:
+    """Check for all joints' values of a signal that stand together while another signal goes on.
+
+    Torques stand while joints move. After positions stood, one is off by more than the steps
+    around tell, unlike at the end of a stop.
+    """
+    values, others = recorded.signals[name], [x for x in recorded.signals if x != name]
+    steps = np.abs(np.diff(values, axis=0))
+    if not others:
+        return
+    goes_on = np.any([np.any(np.diff(recorded.signals[x], axis=0), axis=1) for x in others], axis=0)
+    usual = np.quantile(steps, 0.99, axis=0)
+    for start, end in zip(
+        *_long_runs(np.asarray(np.all(steps == 0, axis=1)), recorded), strict=True
+    ):
+        if not 0 < start < end < len(steps) or np.mean(goes_on[start:end]) < 0.5:
+            continue
+        jumps = steps[end] > c.JUMP * np.maximum(usual, c.JUMP * steps[start - 1])
+        if jumps.any() or (name == "tau" and np.any(moves[start:end].mean(axis=0) > 0.5)):
+            lasts, first = (end - start + 1) * recorded.period, recorded.time[start]
+            stands = {"duration_s": float(lasts), "first_s": float(first)}
+            yield finding("frozen/all", signal=name, **stands)
+
+
+def _long_runs(mask: Mask, recorded: Recorded) -> tuple[Index, Index]:
+    """Return starts of runs of true of at least FROZEN_TIME, and the places after their ends."""
+    starts, ends = _runs(mask)
+    is_long = ends - starts >= max(c.MIN_FROZEN_ROWS, round(c.FROZEN_TIME / recorded.period))
+    return starts[is_long], ends[is_long]
+
+
 def _frozen(recorded: Recorded, name: str, moves: Mask) -> Iterator[Finding]:
     """Check for a signal that is constant for FROZEN_TIME while its joint and others move."""
     values, time, period = recorded.signals[name], recorded.time, recorded.period
-    least = max(c.MIN_FROZEN_ROWS, round(c.FROZEN_TIME / period))
     increments = _increments(values)
     changes = np.any(np.diff(values, axis=0) != 0, axis=1)
     for k, column in enumerate(values.T):
         usual = len(column) / max(1, int(np.count_nonzero(np.diff(column))))
-        for start, end in zip(*_runs(np.diff(column) == 0), strict=True):
+        for start, end in zip(*_long_runs(np.diff(column) == 0, recorded), strict=True):
             length = end - start
             is_end = name == "tau" and column[start] in (column.min(), column.max())  # clipped
-            if length < max(least, 5 * usual) or is_end or changes[start:end].mean() < 0.5:
+            if length < 5 * usual or is_end or changes[start:end].mean() < 0.5:
                 continue
             around = moves[max(0, start - 3), k] and moves[min(len(moves) - 1, end + 3), k]
             after = column[min(len(column) - 1, end + 2)] - column[start]
