@@ -316,6 +316,21 @@ def swapped(x: Truth, rng: np.random.Generator) -> Recorded:
     return changed(x.recorded, tau=x.recorded.signals["tau"][:, order])
 
 
+def _shuffled(*names: str) -> Fault:
+    """Columns of the joints moved on by one, that of the tip to the base."""
+
+    def fault(x: Truth, rng: np.random.Generator) -> Recorded:
+        order = np.roll(np.arange(x.robot.n), 1)
+        return changed(x.recorded, **{name: x.recorded.signals[name][:, order] for name in names})
+
+    return fault
+
+
+shuffled, shuffled_torques, shuffled_positions = (
+    _shuffled(*names) for names in (("q", "tau"), ("tau",), ("q",))
+)
+
+
 def reversed_order(x: Truth, rng: np.random.Generator) -> Recorded:
     """All columns from the tip to the base."""
     signals = {name: values[:, ::-1] for name, values in x.recorded.signals.items()}

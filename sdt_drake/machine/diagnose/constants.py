@@ -52,6 +52,7 @@ SAME_UNIT = 1.6  # [-] ratio between joints with the same unit [0.75-2]
 MIN_GEAR = 3.0  # [-] gear ratio that wrong links cannot explain [0.5-2]
 PEAKS = (0.8, 4.5)  # [-] largest torque over the rated torque, range of usual motors [1-2]
 READING_ROWS = 400  # [samples] compared [0.5-2]
+ORDER_ROWS = 100  # [samples] compared for each order of columns
 RESIDUAL_FLOOR = 0.03  # [-] residual that remains in any case, over the torque [0.5-1.33]
 MIN_RESIDUAL = 0.5  # [-] share of the torque that the file's links leave, for a try [0.5-1.33]
 MIN_SCORE = 2.0  # [-] logarithm of the ratio of residuals; see `better_readings` [0.5-1.33]

@@ -1,7 +1,8 @@
 """Alternative meanings of a recording's columns that explain the torques better than the mapping.
 
-An alternative is one change: two torques swapped, columns from tip to base, a sign, an offset of a
-position by a right angle, or another gravity. Each is tested twice, with free friction
+An alternative is one change: another order of torques, of positions or of both, a sign, an offset
+of a position by a right angle, or another gravity. Of orders, all swaps are tested, and those that
+`orders` finds. Each is tested twice, with free friction
 at every joint: with the best links, and with the links of the file. A score is the logarithm of the
 ratio of the residuals (RMS, before over after), summed over the joints. The two scores are added.
 The spread over blocks of time gives the standard error.
@@ -18,6 +19,7 @@ from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose import explained
 from sdt_drake.machine.diagnose.finding import Finding, finding
+from sdt_drake.machine.diagnose.orders import likely_orders
 from sdt_drake.machine.diagnose.units import Unit, torque_unit
 from sdt_drake.machine.identify.base_parameters import rigid_columns, rigid_parameters
 from sdt_drake.machine.identify.consistency import rigid_scale
@@ -38,9 +40,9 @@ class Reading:
     write: str
     """The entry in a mapping file; "" where none can express it."""
     order: Index
-    """The joints that the torque columns belong to, from 0, shape (n,)."""
-    whole: bool
-    """True if positions are in that order, too."""
+    """The torque column of each joint, from 0, shape (n,)."""
+    places: Index
+    """The position column of each joint, from 0, shape (n,)."""
     turned: Array
     """1, or -1 for a position with the opposite sign, shape (n,)."""
     sign: Array
@@ -99,7 +101,7 @@ def better_readings(
         One finding, or none if the mapping explains the torques.
     """
     ones, gravity = np.ones(robot.n), Bodies.of(robot).gravity
-    plain = Reading("", "", np.arange(robot.n), False, ones, ones, 0 * ones, gravity)
+    plain = Reading("", "", np.arange(robot.n), np.arange(robot.n), ones, ones, 0 * ones, gravity)
     judge = _Judge(robot, eq, factor, gravity)
     now = judge.left(plain)
     if np.all(_rms(now.file) < c.MIN_RESIDUAL):
@@ -108,7 +110,8 @@ def better_readings(
     if unnamed is not None:
         rival = _Judge(robot, eq, unnamed.factor, gravity).left(plain)
     found = []
-    for reading in (*_alternatives(plain), *judge.other_gravity(plain)):
+    others = _other_orders(robot, judge, plain)
+    for reading in (*_alternatives(plain), *others, *judge.other_gravity(plain)):
         left = judge.left(reading)
         of_any, of_file = _score(now.free, left.free), _score(now.file, left.file)
         both = of_any + of_file
@@ -177,7 +180,7 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
     if n > 2:
         words, write = "columns from the tip to the base", "q and tau: in the order of the joints, "
         write += "base to tip"
-        yield replace(plain, words=words, write=write, order=order[::-1], whole=True)
+        yield replace(plain, words=words, write=write, order=order[::-1], places=order[::-1])
     for k in range(n):
         sign = np.where(order == k, -1.0, 1.0)
         torque, direction = (
@@ -195,6 +198,22 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
             offset = np.where(order == k, turn, 0.0)
             write = f"position_offset: {explained.entries(offset)}"
             yield replace(plain, words=words, write=write, offset=offset)
+
+
+def _other_orders(robot: Robot, judge: "_Judge", plain: Reading) -> Iterator[Reading]:
+    """Yield the likely orders of torques, of positions, and of all columns, if they are others."""
+    torques, places, whole = likely_orders(robot, *judge.motion, judge.tau, judge.moves)
+    is_swap, is_reverse = (torques != plain.order).sum() <= 2, np.all(whole == plain.order[::-1])
+    for what, write, order, reading in (
+        ("torques", "tau", plain.order if is_swap else torques, replace(plain, order=torques)),
+        ("positions", "q and v", places, replace(plain, places=places)),
+        ("all columns", "q, v and tau", plain.order if is_reverse else whole,
+         replace(plain, order=whole, places=whole)),
+    ):  # fmt: skip
+        if np.any(order != plain.order):  # others are among the alternatives
+            words = f"swapped joints ({what} in another order)"
+            write += f": in the order {explained.entries(order + 1)}"
+            yield replace(reading, words=words, write=write)
 
 
 class _Judge:
@@ -272,12 +291,11 @@ class _Judge:
         The part that the joint's friction can explain is removed from both by projection. Shapes
         (M, 11 n) and (M,); 0 where the joint rests.
         """
-        order = reading.order
-        places = order if reading.whole else np.arange(len(order))
+        order, places = reading.order, reading.places
         q, v, vd = (x[:, places] for x in self.motion)
         q, v, vd = reading.turned * q + reading.offset, reading.turned * v, reading.turned * vd
         is_plain = (
-            not reading.whole
+            np.array_equal(places, np.arange(len(places)))
             and np.all(reading.turned == 1)
             and not reading.offset.any()
             and reading.gravity is self.gravity
