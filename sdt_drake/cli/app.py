@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import sdt_drake
 from sdt_drake.cli import COMMANDS, GROUPS, SUBCOMMANDS
 from sdt_drake.cli.old_forms import modern
-from sdt_drake.cli.printing import bar, console, echo, echo_wrapped, stop_printing
+from sdt_drake.cli.printing import asked, bar, console, echo, echo_wrapped, stop_printing
 from sdt_drake.cli.telling import in_options
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs
@@ -212,12 +212,9 @@ def _ask(path: str, digest: str) -> bool:
     """
     if is_kept(path, digest):
         return True
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return False
-    bar.end()
-    print(_printable(path), f"SHA-256 {digest}", sep="\n", file=sys.stderr)
-    print("This Python file would be run. Trust it? [y/N] ", end="", file=sys.stderr, flush=True)
-    trusted = sys.stdin.readline().strip().lower() in ("y", "yes")
+    trusted = asked(
+        f"{_printable(path)}\nSHA-256 {digest}\nThis Python file would be run. Trust it?"
+    )
     if trusted:
         keep(path, digest)
     return trusted

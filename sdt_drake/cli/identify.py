@@ -18,7 +18,9 @@ from sdt_drake.cli.common import (
     number,
     one_of,
 )
-from sdt_drake.cli.printing import echo, print_document_table
+from sdt_drake.cli.printing import asked, echo, print_document_table
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.shown import listed
 
 
 def run(
@@ -35,6 +37,7 @@ def run(
     payload: str | None = None,
     cutoff: Cutoff = None,
     scenario: Annotated[str | None, one_of("scenario")] = None,
+    anyway: bool = False,
     trust: Trust = False,
     held: Held = Held(),
 ) -> None:
@@ -53,6 +56,7 @@ def run(
         payload: link that `--only payload` identifies (default: payload)
         cutoff: frequency below which torques are compared [Hz] (default: the one that predicts
             held-out torques best)
+        anyway: write the files although findings say that the recording must be corrected first
         scenario: scenario whose motion, drives and controller the written scenario gets (default:
             real_device for the shipped robot, else the drives' cascade with the recorded motion)
     """
@@ -90,6 +94,12 @@ def run(
     print_document_table(analysis.friction_table(found, files))
     for line in (*analysis.in_short(found), *analysis.friction_notes(found, files)):
         echo(f"note: {line}")
+    kinds = dict.fromkeys(one.kind for one in found.findings if one.spoils)
+    if kinds and not anyway and not asked("Write the identified robot anyway?"):
+        raise InputError(
+            f"{out}: nothing is written: {listed([*kinds])} (see the warnings) would spoil it, "
+            "expected a corrected recording or mapping, or --anyway"
+        )
     page, notes = analysis.write_identified(found, better, files, out, base)
     for line in notes:
         echo(f"note: {line}")

@@ -89,6 +89,15 @@ bar = Bar()
 """The progress bar of the running command."""
 
 
+def asked(question: str) -> bool:
+    """Ask on a terminal, and return whether the answer is yes; False where nobody can be asked."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    bar.end()
+    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
 def echo(text: str = "", style: str = "") -> None:
     """Print a line, wrapped on a terminal.
 

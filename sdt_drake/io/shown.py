@@ -104,6 +104,9 @@ def formatted(value: Any, spec: str) -> str:
     return re.sub(r"^-(?=0[.0]*$)", "", text)
 
 
+_LEAST_STD = 1e-9  # below it, numbers are rounded to nine places
+
+
 def rounded(value: float, std: float) -> str:
     """Round a number to one digit of its standard deviation, two digits if the first is 1.
 
@@ -111,9 +114,13 @@ def rounded(value: float, std: float) -> str:
     '2.72'
     >>> rounded(2.71828, 0.014)
     '2.718'
+    >>> rounded(3.2, 1e-20)
+    '3.2'
     """
     if not 0 < std < math.inf:
         return formatted(value, ".4g")
+    if std < _LEAST_STD:
+        return formatted(round(value, 9), ".9g")
     place = -math.floor(math.log10(std))
     place += round(std, place) < 2 * 10.0**-place
     return formatted(round(value, place), f".{max(0, place)}f")

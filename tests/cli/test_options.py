@@ -35,9 +35,9 @@ VALUES = {
 """Values other than the defaults of options that are numbers, choices or flags. Nonsense in place
 of names, files and fields is refused, see test_bad_use."""
 OWN_VALUES = {("export fmu", "--input"): "reference"}
-ELSEWHERE = ("--trust", "--planner")
-"""Options tested elsewhere: in test_trust, and in test_commands with motions beyond a limit, since
-planners leave others as they are."""
+ELSEWHERE = ("--trust", "--planner", "--anyway")
+"""Options tested elsewhere: in test_trust, in test_commands with motions beyond a limit, since
+planners leave others as they are, and in test_identify_command with torques in another unit."""
 
 LINES = {
     **POSITIONAL,

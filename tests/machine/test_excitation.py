@@ -1,5 +1,7 @@
 """Exciting motions of two links in a plane: within limits, and as good as they say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.command_line import ARM
@@ -71,11 +73,17 @@ def test_a_payload_is_excited_gently(arm):
 
 
 def test_excitation_assumes_missing_limits(arm):
-    """Of the second joint: what its motor gives the least inertia about it."""
+    """Of the second joint: what its motor gives the least inertia about it, and the assumed rotor
+    of a motor without any, which would be without limit for a light link."""
     accelerations, *_ = assumed(arm)
     highest = Limits.of(arm, 1.0).acceleration
     M = arm.plant.CalcMassMatrix(arm.plant.CreateDefaultContext())
     assert highest == pytest.approx([50, arm.effort_limit[1] / M[1, 1]])
+    bare, rotor = replace(arm, rotor_inertia=np.zeros(2)), arm.effort_limit[1] / 100
+    assert Limits.of(bare, 1.0).acceleration[1] == pytest.approx(
+        arm.effort_limit[1] / (M[1, 1] + rotor)
+    )
+    assert "over the least inertia with assumed rotors" in assumed(bare)[0]
     assert f"50, {highest[1]:.3g} rad/s²" in accelerations
     assert not any("accelerations" in line for line in assumed(arm, [8, 4]))
     assert Limits.of(arm, 0.5, acceleration=[8, 4]).acceleration == pytest.approx([4, 2])

@@ -74,3 +74,13 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study_that_run(
     assert {"links_1", "coulomb_1", "viscous_2"} < {variable.name for variable in study.variables}
     row = Runner(study, base).run(0)
     assert (row.status, row.reason) == ("ok", "")
+
+
+def test_what_spoils_a_fit_asks_before_files_are_written(refuse, call, recording, desk, undrawn):
+    columns = desk / "kilo.yaml"
+    columns.write_text("torque_factor: [0.001, 0.001]\n")
+    command = ("identify", *recording, "--columns", columns, "--cutoff", "8", "--out", "spoilt")
+    refuse(*command, late=True, saying=("nothing is written: unit (see", "or --anyway"))
+    done = call(*command, "--anyway")
+    assert done.code == 0 and (desk / "spoilt" / "robot.sdf").exists()
+    assert "is it in kN m? (torque_factor: [1000, 1000] in the mapping file)" in done.out

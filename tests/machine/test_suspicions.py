@@ -13,7 +13,7 @@ from oracles.dh import DATA, KUKA_KR300, UR10, needs_data
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.finding import kinds
 from sdt_drake.machine.diagnose.recording import check_recording
-from sdt_drake.machine.diagnose.residual import delay_of
+from sdt_drake.machine.diagnose.residual import Delay, delay_of
 from sdt_drake.machine.diagnose.units import _sizes, torque_unit
 from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.machine.identify.equations import equations
@@ -153,6 +153,25 @@ def test_clean_simulated_recordings_have_no_finding():
     assert abs(clean.common) < 5e-4 and not clean.is_significant
     late = replace(found.equations, time=found.equations.time + 1)  # a constant is no delay
     assert delay_of(late, CUTOFF).common == pytest.approx(clean.common, abs=1e-6)
+
+
+def test_delay_at_the_bound_of_its_search_is_none():
+    told = Delay(0.17, 0.001, np.array([0.17]), np.array([0.001]), gain=0.5, most=0.35)
+    assert told.is_significant and not replace(told, most=0.175).is_significant
+
+
+def test_delay_that_explains_less_of_held_out_data_is_none():
+    """Torques are 20 ms late, but not in a short part, which is held out."""
+    truth = simulated.truth("arm3", 4)
+    tau, time = truth.recorded.signals["tau"], truth.recorded.time
+
+    def is_held_out(time):
+        return (time > 0.4 * truth.recorded.time[-1]) & (time < 0.46 * truth.recorded.time[-1])
+
+    delayed = simulated.late(tau, time, np.where(is_held_out(time), 0.0, 0.02))
+    eq = identify(truth.robot, [changed(truth.recorded, tau=delayed)], cutoff=CUTOFF).equations
+    whole, parts = (replace(eq, fit=x) for x in (eq.time > 0, ~is_held_out(eq.time)))
+    assert delay_of(whole, CUTOFF).is_significant and not delay_of(parts, CUTOFF).is_significant
 
 
 @needs_data

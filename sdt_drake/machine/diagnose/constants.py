@@ -76,6 +76,7 @@ OWN_SIGMAS = 3.0  # [-] standard errors of a joint's own delay [0.5-2]
 MIN_DELAY = 2e-3  # [s] [0.5-2]
 MIN_DELAY_GAIN = 0.01  # [-] share of the squared residual that a reported delay explains [0.5-2]
 DELAY_ROUNDS = 4  # iterations of the delay [0.5-2]
+AT_BOUND = 0.95  # [-] delay over the longest one that is found, for it to be none
 MAX_DELAY = 0.35  # [periods of the cut-off] a gradient finds no longer delay [0.5-2]
 DELAYS_AGREE = 0.7  # [-] difference between delays of joints that agree, over the delay [0.5-1.33]
 LITTLE_LEFT = 0.03  # [-] residual over the torque [0.75-1.33]

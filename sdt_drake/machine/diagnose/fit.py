@@ -9,7 +9,7 @@ from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose.explained import like_friction, over_largest, share_explained
 from sdt_drake.machine.diagnose.finding import Finding, finding
-from sdt_drake.machine.diagnose.residual import delay_of, unexplained
+from sdt_drake.machine.diagnose.residual import left_over
 from sdt_drake.machine.identify.base_parameters import rigid_columns
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.machine.identify.estimation import Estimate
@@ -28,11 +28,10 @@ def suspicious_torques(
         consistent: Torque of physically consistent links with friction [N m], shape (M, n).
         cutoff: Cut-off frequency of the compared torques [Hz].
     """
-    predicted, delay = estimate.torque(eq), delay_of(eq, cutoff)
+    predicted = estimate.torque(eq)
     return [
         *driving(eq, estimate),
-        *delay.findings,
-        *unexplained(eq, delay),
+        *left_over(eq, cutoff),
         *worse_held_out(robot, eq, predicted),
         *inconsistent(eq, predicted, consistent),
     ]

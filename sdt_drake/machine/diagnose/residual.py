@@ -7,8 +7,10 @@ d, links and friction explain tau(t + d). The delay is found by the Gauss-Newton
 interval by the jackknife over blocks of time.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
@@ -34,7 +36,10 @@ class Delay:
     errors: Array
     """Standard error of each delay [s], shape (n,); NaN without motion."""
     gain: float
-    """Share of the squared residual that the common delay explains [-]."""
+    """Share of the squared residual that the common delay explains [-]; 0 if it explains less of
+    held-out data."""
+    most: float
+    """Longest delay that is found [s]. A delay there is no measurement."""
 
     @property
     def is_significant(self) -> bool:
@@ -45,6 +50,7 @@ class Delay:
         known = np.isfinite(self.each)
         each, errors = self.each[known], self.errors[known]
         is_large = abs(self.common) > max(c.DELAY_SIGMAS * self.error, c.MIN_DELAY)
+        is_large &= abs(self.common) < c.AT_BOUND * self.most
         apart = np.abs(each - self.common)
         agree = apart < np.maximum(c.AGREE_SIGMAS * errors, c.DELAYS_AGREE * abs(self.common))
         by_itself = each * np.sign(self.common) > c.OWN_SIGMAS * errors
@@ -67,22 +73,45 @@ class Delay:
 
 def delay_of(eq: Equations, cutoff: float) -> Delay:
     """Return the delay of torques that are compared below `cutoff` [Hz]."""
-    joints = [_Joint(eq, k) for k in range(eq.n)]
-    common = _delay([one for one in joints if one.moves], cutoff)
-    each = [_delay([one], cutoff) if one.moves else (np.nan, np.nan, 0.0) for one in joints]
-    return Delay(
-        *common[:2], np.array([d for d, *_ in each]), np.array([e for _, e, _ in each]), common[2]
+    return _delay_of(joints_of(eq), cutoff)
+
+
+def joints_of(eq: Equations) -> list[Joint]:
+    """Return the torque of each joint in the rows with motion."""
+    return [Joint(eq, k) for k in range(eq.n)]
+
+
+def _delay_of(joints: Sequence[Joint], cutoff: float) -> Delay:
+    moving, most = [one for one in joints if one.moves], c.MAX_DELAY / cutoff
+    common, error, gain = _delay(moving, most)
+    each = [_delay([one], most) if one.moves else (np.nan, np.nan, 0.0) for one in joints]
+    delay = Delay(
+        common,
+        error,
+        np.array([d for d, *_ in each]),
+        np.array([e for _, e, _ in each]),
+        gain,
+        most,
     )
+    if delay.is_significant and sum(one.held_out_gain(common) for one in moving) < 0:
+        return replace(delay, gain=0.0)
+    return delay
 
 
-def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
+def left_over(eq: Equations, cutoff: float) -> list[Finding]:
+    """Return the delay of torques, and the residual torque of each joint with likely causes."""
+    joints = joints_of(eq)
+    delay = _delay_of(joints, cutoff)
+    return [*delay.findings, *_unexplained(joints, delay)]
+
+
+def _unexplained(joints: Sequence[Joint], delay: Delay) -> Iterator[Finding]:
     """Yield the residual torque of each joint and its likely causes.
 
     A significant common delay is corrected first.
     """
     common = delay.common if delay.is_significant else 0.0
-    for k in range(eq.n):
-        one = _Joint(eq, k)
+    for k, one in enumerate(joints):
         if not one.moves:
             continue
         left, _ = one.seen(common)
@@ -90,8 +119,10 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
         explains = {
             name: share_explained(left, without(one.basis, C)) for name, C in one.causes().items()
         }
-        best = max(explains.values())
         d, e = float(delay.each[k]), float(delay.errors[k])
+        if abs(d) > c.AT_BOUND * delay.most:  # no measurement, so no delay
+            explains["late"] = 0.0
+        best = max(explains.values())
         is_late = explains["late"] == best > c.LATE and (
             abs(d - common) > max(c.DELAY_SIGMAS * e, c.MIN_DELAY)
         )
@@ -109,7 +140,7 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[Finding]:
         yield finding("residual", (k + 1,), likely=text, share=share, **explains)
 
 
-class _Joint:
+class Joint:
     """The torque of a joint over the stretches of a recording, without links and friction."""
 
     def __init__(self, eq: Equations, k: int):
@@ -141,6 +172,21 @@ class _Joint:
         tau, slope = self.torque(shift), self.torque(shift, 1)
         return without(self.basis, tau), without(self.basis, slope)
 
+    def held_out_gain(self, shift: float) -> float:
+        """Return how much more of held-out torque is explained if it is later by `shift` [s] [-].
+
+        It is the logarithm of the RMS residual without over that with the shift. Links and friction
+        are fitted to the fitted rows alone. 0 without rows of either.
+        """
+        fit = self.eq.fit[self.rows]
+        if fit.all() or not fit.any():
+            return 0.0
+        left = []
+        for tau in (self.torque(0.0), self.torque(shift)):
+            x = np.linalg.lstsq(self.basis[fit], tau[fit], rcond=c.RANK)[0]
+            left.append(float(np.sum((tau[~fit] - self.basis[~fit] @ x) ** 2)))
+        return float(np.log(max(left[0], 1e-300) / max(left[1], 1e-300))) / 2
+
     def causes(self) -> dict[str, Array]:
         """Return the columns of each cause, by its name in findings.yaml."""
         eq, k, rows = self.eq, self.k, self.rows
@@ -161,9 +207,9 @@ class _Joint:
         }
 
 
-def _delay(joints: Sequence[_Joint], cutoff: float) -> tuple[float, float, float]:
-    """Return a delay [s], its standard error [s], and the share of the squared residual."""
-    most, d = c.MAX_DELAY / cutoff, 0.0
+def _delay(joints: Sequence[Joint], most: float) -> tuple[float, float, float]:
+    """Return a delay up to `most` [s], its standard error [s], and the share of the residual²."""
+    d = 0.0
     parts = []
     for _ in range(c.DELAY_ROUNDS):
         parts = [one.seen(d) for one in joints]

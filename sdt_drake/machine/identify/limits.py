@@ -10,6 +10,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.identify.targets import MAX_SPEED
 from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.rotors import assumed_inertia
 
 _POSES = 200  # random poses for the least inertia
 
@@ -65,13 +66,17 @@ class Limits:
 
 
 def _motor_acceleration(robot: Robot) -> Array:
-    """Return the largest torque over the least inertia of many poses [rad/s²], shape (n,)."""
+    """Return the largest torque over the least inertia of many poses [rad/s²], shape (n,).
+
+    Rotors that the file lacks have the assumed inertia.
+    """
     plant, rng = robot.plant, np.random.default_rng(0)
     context, inertias = plant.CreateDefaultContext(), []
     for q in rng.uniform(-np.pi, np.pi, (_POSES, robot.n)):
         plant.SetPositions(context, q)
         inertias.append(plant.CalcMassMatrix(context).diagonal())
-    return np.asarray(robot.effort_limit / np.min(inertias, axis=0))
+    rotors = np.where(robot.motor_inertia > 0, 0.0, assumed_inertia(robot))
+    return np.asarray(robot.effort_limit / (np.min(inertias, axis=0) + rotors))
 
 
 def assumed(robot: Robot, acceleration: Sequence[float] | None = None) -> list[str]:
@@ -80,9 +85,10 @@ def assumed(robot: Robot, acceleration: Sequence[float] | None = None) -> list[s
     if acceleration is None and np.isinf(robot.acceleration_limit).any():
         highest = Limits.of(robot, 1.0).acceleration
         values = ", ".join(f"{x:.3g}" for x in highest)
+        rotors = " with assumed rotors" * bool(np.any(robot.motor_inertia == 0))
         notes.append(
             f"accelerations are limited to {values} rad/s²: without a limit in the file "
-            "(<drake:acceleration>), to the largest torque over the least inertia; "
+            f"(<drake:acceleration>), to the largest torque over the least inertia{rotors}; "
             "give those of the drives (acceleration)"
         )
     if np.any(robot.velocity_limit > MAX_SPEED):
