@@ -14,10 +14,11 @@ from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
 from sdt_drake.machine.cueing.candidate import Candidate, percept_of
 from sdt_drake.machine.cueing.flight import read_flight
+from sdt_drake.machine.cueing.problem import Weights
+from sdt_drake.machine.cueing.procedure import _problem_of, _still
 from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.loops import loops_of
 from sdt_drake.machine.learn.trials import learn
-from sdt_drake.motion import Motion
 from sdt_drake.paper.claims import OF_THE_PAPER, VERDICTS, judge_claims
 from sdt_drake.paper.reproduction import _run
 from sdt_drake.pilot import load_perception
@@ -128,22 +129,19 @@ def test_table_of_sign_of_0_equals_runs(reproduction, monkeypatch):
         assert next(errors) == pytest.approx(next(errors), rel=1e-3)
 
 
-def test_device_at_rest_feels_more_like_the_turn_than_its_motion(robot):
-    rotation, vertical, moving, tilted, force, moved = said(
-        r"at rest errs by (\S+) deg/s of felt rotation and (\S+) deg of felt vertical .*? than "
-        r"the motion \((\S+) deg/s, (\S+) deg\)\. .*? is rest worse, (\S+) instead of (\S+) G"
-    )
-    flight, model, approach = read_flight("turn"), load_perception("slow_yaw"), 15.0
-    still = np.zeros((round((flight.duration + 2 * approach) / 0.005) + 1, 4))
-    rest = Candidate("rest", robot, Motion(0.005, still, still, still), flight, approach, model)
+def test_device_at_rest_of_the_table_of_flights(robot):
+    """Its posture is found again, and it errs less in rotation than the motion, more in force."""
+    flight, model = read_flight("turn"), load_perception("slow_yaw")
+    problem = _problem_of(robot, flight, (15.0, 15.0), None, 0.2, 0.95, model, Weights())
     time = np.arange(0, flight.duration, 0.02)
-    found = rest.figures(percept_of(model, time, *flight.at(time)))
-    assert found["felt_rotation_rms_deg_s"] == pytest.approx(rotation, abs=0.051)
-    assert found["felt_vertical_rms_deg"] == pytest.approx(vertical, abs=0.051)
-    assert found["g_error_rms"] == pytest.approx(force, abs=5.1e-4)
-    assert rotation < moving and vertical < tilted and force > moved
+    felt = percept_of(model, time, *flight.at(time))
+    motion = _still(problem, flight, felt).motion(0.005)
+    rest = Candidate("rest", robot, motion, flight, 15.0, model).errors(felt)
     (row,) = (row for row in rows_of_table("flight | G error") if row[0] == "turn")
-    assert row[1].startswith(f"{moved:g},") and row[2].startswith(f"{moving:g},")
+    for cell, error in zip(row[1:4], rest, strict=True):
+        assert cell.split(", ")[1] == f"{error:{'.3f' if error < 1 else '.1f'}}"
+    force, rotation, _ = (float(cell.split(", ")[0]) for cell in row[1:4])
+    assert rest[0] > force and rest[1] < rotation
 
 
 def test_sampled_drives_on_elastic_joints_are_unstable_from_told_ratio(designed):

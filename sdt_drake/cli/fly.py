@@ -21,7 +21,9 @@ def run(
     approach: _Seconds = 15.0,
     departure: _Seconds = 15.0,
     idle_g: Annotated[float | None, number(gte=1, lte=10)] = None,
-    g_weight: Annotated[float | None, number(gt=0)] = None,
+    g_weight: Annotated[float, number(gt=0)] = 0.3,
+    vertical_weight: Annotated[float, number(gte=0)] = 1.0,
+    acceleration_weight: Annotated[float, number(gte=0)] = 0.1,
     torque_margin: Annotated[float, number(gt=0, lte=1)] = 0.95,
     knot: _Seconds = 0.2,
     model: Annotated[str, one_of("perception model")] = "slow_yaw",
@@ -29,7 +31,7 @@ def run(
     alone: Flag = False,
     trust: Trust = False,
 ) -> int | None:
-    """Search for a motion whose force and felt rotation come near those of a recorded flight.
+    """Search for a motion that is felt like a recorded flight, within all limits of the device.
 
     Ctrl-C ends the search and writes the best motion so far.
 
@@ -45,11 +47,13 @@ def run(
         approach: time from rest to the start of the flight [s]
         departure: time from the end of the flight to rest [s]
         idle_g: G before and after the flight (default: that of its first and last sample)
-        g_weight: weight of the error of G (default: 1.5, or as much as is needed to be no worse
-            than alignment in G and in rotation)
+        g_weight: weight of the squared error of G over its threshold of perception, beside 1 for
+            the felt rotation; more gives a smaller error
+        vertical_weight: the same for the felt vertical
+        acceleration_weight: the same for the felt acceleration
         torque_margin: share of the motors' torque to use, in (0, 1]
         knot: time between the knots of the motion [s]
-        model: parameter set of the perception model, for the felt vertical
+        model: parameter set of the perception model
         envelope: scenario with the torque-speed envelope of the device, as in `plan`
         alone: leave out the search without torque limits and the Pareto front
     """
@@ -66,15 +70,12 @@ def run(
         echo(f"suspicious: {line}")
     flown = sdt.fly(
         device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
-        torque_margin=torque_margin, g_weight=g_weight, perception=model, compare=not alone,
+        torque_margin=torque_margin, g_weight=g_weight, vertical_weight=vertical_weight,
+        acceleration_weight=acceleration_weight, perception=model, compare=not alone,
     )  # fmt: skip
     page = write_flown(out, flown)
-    summary, chosen = flown.summary(), flown.chosen
-    echo(
-        f"{recorded.name}: the motion differs from the flight by {chosen.felt_rotation:.1f} deg/s "
-        f"of felt rotation and {chosen.g_error:.3f} G (RMS) and uses up to "
-        f"{100 * chosen.torque.max():.1f} % of the motors' torque"
-    )
+    summary = flown.summary()
+    echo_wrapped(f"{recorded.name}: {flown.answer} (RMS errors of the head's motion).")
     echo(summary.title)
     print_table(summary.header, summary.rows)
     echo_wrapped(CAUTION)

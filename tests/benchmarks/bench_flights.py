@@ -1,11 +1,11 @@
-"""Flights on the shipped device, beside alignment and washout in one run: what is felt, and how.
+"""Flights on the shipped device, beside rest, alignment and washout in one run: what is felt.
 
     python tests/benchmarks/bench_flights.py [FLIGHT.csv ... | MOTION ...]
 
 Without files: the shipped turn, others made by transforming it, and flights of JSBSim's F-16 and
-C172, if that is installed (`pip install jsbsim`). At equal G error means: on the front, at the G
-error of the alignment. Shipped training motions, by their names, are found again from their own
-motion of the head.
+C172, if that is installed (`pip install jsbsim`). At the alignment's G means: rotation and vertical
+on the front, at the G error of the alignment. Shipped training motions, by their names, are found
+again from their own motion of the head.
 """
 
 import importlib.util
@@ -18,17 +18,16 @@ from timing import head, row
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.flight import make_flight, read_flight
+from sdt_drake.machine.cueing.problem import RATE
 from sdt_drake.machine.cueing.procedure import Effort, fly
-from sdt_drake.machine.cueing.program import RATE
 from sdt_drake.motion import load_plan, shipped_motions
 from sdt_drake.pilot.head import head_motion
 from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.robot import load_robot
 
 PERIOD = 1 / 60  # s, of JSBSim
-COLUMNS = ("flight", "s", "G err", "align", "wash", "rot err", "align", "wash", "at equal G [%]",
-           "from zero", "align", "vertical", "align", "hor. force felt [%]", "torque [%]",
-           "starts [%]", "cpu s")  # fmt: skip
+COLUMNS = ("flight", "s", "G error", "rotation [deg/s]", "vertical [deg]", "at the alignment's G",
+           "from zero", "hor. force felt [%]", "torque [%]", "starts [%]", "cpu s")  # fmt: skip
 
 
 def transformed():
@@ -81,21 +80,20 @@ def of_jsbsim():
 
 
 def compared(robot, flight):
-    """The numbers of a flight, as texts."""
+    """The numbers of a flight, as texts: those of the motion, at rest, aligned, washed out."""
     own = fly(robot, flight, compare=True).numbers
-    align, wash = own["alignment"], own["washout"]
+    four = own, own["rest"], own["alignment"], own["washout"]
     g, turn, up = "g_error_rms", "felt_rotation_rms_deg_s", "felt_vertical_rms_deg"
-    begun = "felt_rotation_from_zero_rms_deg_s"
-    front = sorted((point[g], point[turn]) for point in own["front"])
-    at_equal = np.interp(align[g], *zip(*front, strict=True))
+    front = np.array([[point[name] or 0 for name in (g, turn, up)] for point in own["front"]])
+    at_equal = [np.interp(own["alignment"][g], front[:, 0], front[:, k]) for k in (1, 2)]
     costs = np.array([start["cost"] for start in own["starts"]])
     return [
         flight.name, f"{flight.duration:.0f}",
-        *(f"{one[g]:.3f}" for one in (own, align, wash)),
-        *(f"{one[turn]:.1f}" for one in (own, align, wash)),
-        f"{100 * (1 - at_equal / align[turn]):.0f}",
-        *(f"{one[begun]:.1f}" for one in (own, align)),
-        *("-" if one[up] is None else f"{one[up]:.1f}" for one in (own, align)),
+        ", ".join(f"{one[g]:.3f}" for one in four),
+        ", ".join(f"{one[turn]:.1f}" for one in four),
+        ", ".join("-" if one[up] is None else f"{one[up]:.1f}" for one in four),
+        ", ".join(f"{x:.1f}" for x in at_equal),
+        f"{own['felt_rotation_from_zero_rms_deg_s']:.1f}",
         f"{100 * own['horizontal_force_felt_share']:.1f}",
         f"{100 * own['torque_share_max']:.2f}",
         " ".join(f"{100 * x:.0f}" for x in costs / costs.min() - 1), f"{own['cpu_s']:.0f}",

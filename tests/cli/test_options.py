@@ -23,6 +23,7 @@ VALUES = {
     "--bandwidth": "2", "--cam-points": "20", "--category": "1", "--cutoff": "8",
     "--damping": "0.02", "--departure": "5", "--depth": "0", "--drake": "", "--draws": "3",
     "--duration": "0.2", "--effort": "", "--every": "0.25", "--failed-motor": "2", "--flights": "2",
+    "--acceleration-weight": "2", "--vertical-weight": "2",
     "--format": "svg", "--g-weight": "2", "--held-out": "0.2", "--idle-g": "1.2",
     "--inertia": "2", "--input": "extra_load_torque", "--joint": "2", "--knot": "0.5",
     "--margin": "0.5", "--noise": "0.02", "--of": "torque", "--omega-r": "30", "--once": "",

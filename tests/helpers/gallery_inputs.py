@@ -266,7 +266,7 @@ class Inputs:
 
     @cached_property
     def flown(self):
-        """A flight of banked turns, and four motions that come near it."""
+        """A flight of banked turns, and five motions that come near it."""
         t = 0.02 * np.arange(200)
         force = np.stack([np.sin(t), 0.5 * np.cos(t), 9.81 + 5 * np.sin(0.8 * t) ** 2], axis=1)
         rate = np.stack([0.3 * np.cos(t), 0.1 * np.sin(2 * t), 0.05 + 0 * t], axis=1)
@@ -277,15 +277,18 @@ class Inputs:
             motion = Motion.from_speeds(0.02, np.zeros(4), waves(300, 4, period=0.02, size=size))
             return FlightCandidate(name, self.robot, motion, flight, 1.0, model)
 
-        sizes = {"this motion": 0.1, "alignment": 0.2, "classical washout": 0.3, "no limits": 0.15}
+        sizes = {"this motion": 0.1, "at rest": 0.0, "alignment": 0.2, "classical washout": 0.3}
+        sizes |= {"no limits": 0.15}
         options = [option(name, size) for name, size in sizes.items()]
         rows = [{"sense": s, "seat_deg": 90.0, "g_error_rms": 0.1 + k, "cost": 2.0 + k,
-                 "felt_rotation_rms_deg_s": 7.0 - k} for k, s in enumerate((1, -1))]  # fmt: skip
+                 "felt_rotation_rms_deg_s": 7.0 - k, "felt_vertical_rms_deg": None}
+                for k, s in enumerate((1, -1))]  # fmt: skip
         numbers = {
             "starts": rows,
+            "front": [{"g_weight": float(k), **row} for k, row in enumerate(rows)],
+            "weights": {"g": 0.1, "vertical": 1.0, "acceleration": 0.1},
             "torque_share_allowed": 0.9,
             "flight_starts_at": 1.0,
-            "g_weight": 2,
         }
         numbers |= {"perception": model.source, "interrupted": True}
         front = ((0.5, options[1]), (1.0, options[0]))

@@ -1,4 +1,5 @@
-"""Motions of a device that reproduce a recorded flight.
+"""Motions of a device that are felt like a recorded flight.
 
-Read in this order: `flight`, `alignment`, `program`, `candidate`, `procedure`.
+Read in this order: `flight`, `problem`, `felt`, `alignment`, `riccati`, `program`, `search`,
+`candidate`, `procedure`.
 """

@@ -1,15 +1,17 @@
-"""Starts and baselines of the search: alignment with the flight's force, and a classical washout.
+"""Starts and baselines of the search: rest, alignment with the flight's force, classical washout.
 
-An alignment turns the device so that the head has the direction and size of the flight's force.
+At rest, gravity has the mean direction of the flight at the head. An alignment turns the device so
+that the head has the direction and size of the flight's force.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.machine.cueing.program import SPEED_SHARE, Problem
+from sdt_drake.machine.cueing.problem import SPEED_SHARE, Problem
 from sdt_drake.pilot.canals import low_pass
 from sdt_drake.pilot.head import GRAVITY, head_motion
 
@@ -20,8 +22,37 @@ _MIN_ARM_SPEED = 0.05  # rad/s; keeps the sense of rotation of the arm
 _WASHOUT = 1.0  # time constant of the return from a rotation [s]
 _TILT = 1.0  # time constant of the low pass of the tilt [s]
 
+_POSTURES = 8  # starts of the search for a posture
+_OVERLOAD = 10.0  # weight of torque beyond its limit, as a share, beside the tilt [rad]
+_UNTURNED = 1e-3  # weight of the angles of a posture beside the tilt
+
 Start = tuple[int, float]
 """Sense of rotation of the arm, 1 or -1, and first angle of the last joint [rad]."""
+
+
+def standing(problem: Problem, up: Array) -> Array:
+    """Return the angles at which the head of the resting device has a direction up, shape (n,).
+
+    The tilt is the closest one to it that the stops and the torques allow.
+
+    Args:
+        problem: The problem.
+        up: Direction up in axes of the head [-], unit length.
+    """
+    n = problem.robot.n
+    lower, upper = np.maximum(problem.lower, -np.pi), np.minimum(problem.upper, np.pi)
+    lower, upper = np.minimum(lower, problem.upper - 1e-6), np.maximum(upper, problem.lower + 1e-6)
+    first = np.clip(np.zeros(n), lower, upper)
+    draws = np.random.default_rng(0).uniform(lower, upper, (_POSTURES - 1, n))
+
+    def off(q: Array) -> Array:
+        still = np.concatenate([q, np.zeros(2 * n)])[None]
+        load = np.maximum(np.abs(problem.torque_use(still)[0]) - 1, 0)
+        tilt = problem.head_at(still)[0, :3] / GRAVITY - up
+        return np.concatenate([tilt, _OVERLOAD * load, _UNTURNED * (q - first)])
+
+    found = [least_squares(off, q, bounds=(lower, upper)) for q in (first, *draws)]
+    return np.asarray(min(found, key=lambda one: one.cost).x)
 
 
 def aligned(problem: Problem, starts: Sequence[Start]) -> Array:
@@ -62,9 +93,9 @@ def aligned(problem: Problem, starts: Sequence[Start]) -> Array:
                 x[:, 0] = spin * np.maximum(spin * x[:, 0], _MIN_ARM_SPEED)
         return x
 
-    x = followed(x, problem.force[0] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
+    x = followed(x, problem.head[0, :3] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
     found = []
-    for goal in problem.force / GRAVITY:
+    for goal in problem.head[:, :3] / GRAVITY:
         x = followed(x, goal, _STEPS, _HELD)
         found.append(x)
     return np.stack(found, axis=1)
@@ -111,7 +142,7 @@ def washed_out(problem: Problem, x: Array) -> Array:
     together tau LP(rate), with the same time constant tau.
     """
     tilt = low_pass(x, _TILT, problem.knot)
-    turned = _WASHOUT * low_pass(problem.rate - problem.rate[0], _WASHOUT, problem.knot)
+    turned = _WASHOUT * low_pass(problem.head[:, 3:] - problem.head[0, 3:], _WASHOUT, problem.knot)
     rest, first = np.zeros_like(tilt), int(problem.arm)
     J = np.stack(
         [

@@ -11,13 +11,16 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.flight import Flight
 from sdt_drake.motion.retiming import torque_of_periods
-from sdt_drake.motion.trajectory import Motion
+from sdt_drake.motion.trajectory import Motion, interpolated
 from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY, HeadMotion, head_motion
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.pilot.orientation import Percept, perceive
 from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.robot import Robot
+
+SENSED_PERIOD = 0.02
+"""Sample period for the perception model [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +83,9 @@ class Candidate:
     @cached_property
     def percept(self) -> Percept | None:
         """The percept on the device; None if the model has no solution."""
-        return percept_of(self.model, self.motion.time, self.head.specific_force,
-                        self.head.angular_velocity)  # fmt: skip
+        every = max(round(SENSED_PERIOD / self.motion.period), 1)
+        head = self.head.specific_force, self.head.angular_velocity
+        return percept_of(self.model, *(x[::every] for x in (self.motion.time, *head)))
 
     @property
     def g_error(self) -> float:
@@ -103,9 +107,9 @@ class Candidate:
         faded = np.exp(-period / CUPULA * np.arange(len(error)))[:, None]
         return _felt(error - low_pass(error, CUPULA, period) + faded * error[0])
 
-    def beside(self, other: Candidate) -> tuple[float, float]:
-        """Return G error and felt rotation error over those of another motion [-]."""
-        return self.g_error / other.g_error, self.felt_rotation / other.felt_rotation
+    def errors(self, felt: Percept | None) -> tuple[float, float, float]:
+        """Return errors of G [G], felt rotation [deg/s] and felt vertical [deg], 0 if unknown."""
+        return self.g_error, self.felt_rotation, self._felt_vertical(felt) or 0.0
 
     def figures(self, felt: Percept | None) -> dict[str, float | None]:
         """Return the errors and the largest share of torque; `felt` is the percept in flight."""
@@ -123,9 +127,9 @@ class Candidate:
         """Return the RMS angle between the felt verticals on the device and in flight [deg]."""
         if felt is None or self.percept is None:
             return None
-        time = self.time[self.within]
-        own = self.percept.gravity[self.within]
-        flown = np.stack([np.interp(time, felt.time, column) for column in felt.gravity.T], axis=1)
+        time = self.percept.time - self.starts_at
+        flies = (time > -1e-9) & (time < self.flight.duration + 1e-9)
+        own, flown = self.percept.gravity[flies], interpolated(time[flies], felt.time, felt.gravity)
         sine = np.linalg.norm(np.cross(own, flown), axis=1)
         angle = np.arctan2(sine, (own * flown).sum(axis=1))
         return float(np.degrees(np.sqrt((angle**2).mean())))

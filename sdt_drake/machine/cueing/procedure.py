@@ -2,9 +2,7 @@
 
 import math
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,32 +18,31 @@ from sdt_drake.io.arguments import (
     whole_periods,
 )
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import work
-from sdt_drake.machine.cueing.alignment import Start, aligned, angles, washed_out
-from sdt_drake.machine.cueing.candidate import Candidate, percept_of
+from sdt_drake.machine.cueing.alignment import Start, aligned, angles, standing, washed_out
+from sdt_drake.machine.cueing.candidate import SENSED_PERIOD, Candidate, percept_of
+from sdt_drake.machine.cueing.felt import felt, followed
 from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
-from sdt_drake.machine.cueing.program import MAX_STEPS, Problem, Trajectory, fitted, rated, solve
+from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights
+from sdt_drake.machine.cueing.program import fitted
 from sdt_drake.machine.cueing.result import CueingResult
-from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
-from sdt_drake.motion.retiming import torque_of_periods
+from sdt_drake.machine.cueing.search import Search, unexcelled
+from sdt_drake.motion.plan import INTERPOLATION_PERIOD
 from sdt_drake.pilot.head import GRAVITY, check_head
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
+from sdt_drake.pilot.orientation import Percept
 from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot, load_robot
 
 SMOOTH = (1.0, 2.0)
 """Smoothing times of alignments [s]; the search starts from the first."""
 
+G_WEIGHT = 0.3
+"""Weight of the G error where none is given [-]; felt rotation has 1."""
+
 _WEIGHT_BESIDE = 0.05  # weight of errors before and after the flight
-_SEARCH_SHARE = 0.6  # share of the search in the work, with comparisons
-_SENSED_PERIOD = 0.02  # sample period for the perception model [s]
 _WASHED_SMOOTH = 0.2  # smoothing time of a washout [s]
-_WEIGHINGS, _EXPONENT = 4, 3.0  # changes of the weight; weight over G error, as a power
-_CHANGES = 0.1, 10.0  # factor of a change
-_GOAL, _TOLERANCE = 0.97, 0.05  # G error to aim at, over that of alignment
-_POLISHES, _POLISH_STEPS, _FRONT_STEPS = 5, 6, 10
-_OVERSHOOT = 0.002  # torque between knots that may exceed the limit, over the limit
 _MAX_TILT = 1e-6  # of a vertical axis [rad]
 
 
@@ -53,12 +50,10 @@ _MAX_TILT = 1e-6  # of a vertical axis [rad]
 class Effort:
     """The extent of the search for a motion."""
 
-    seats: tuple[float, ...] = (0.0, np.pi / 2, -np.pi / 2)
+    seats: tuple[float, ...] = (0.0, np.pi / 2, np.pi, -np.pi / 2)
     """First angles of the last joint [rad]; the search starts from each."""
-    front: tuple[float, ...] = (0.1, 0.3, 3.0, 10.0)
-    """Weights of the G error on the Pareto front over the chosen weight [-]."""
-    g_weight: float = 1.5
-    """First weight of the G error where none is given [-]."""
+    front: tuple[float, ...] = (0.01, 0.1, 0.3, 3.0, 10.0, 30.0)
+    """Factors of further motions on the weights, see `Weights.times` [-]."""
 
 
 WHOLE = Effort()
@@ -76,9 +71,13 @@ def _resultant(value: float, name: str) -> float:
     return float(value)
 
 
+_not_negative = partial(finite_number, minimum=0.0)
+
+
 @takes(
     columns=_columns, approach=positive, departure=positive, idle_g=_resultant, knot=positive,
-    torque_margin=share, g_weight=positive, effort=instance_of(Effort),
+    torque_margin=share, g_weight=positive, vertical_weight=_not_negative,
+    acceleration_weight=_not_negative, effort=instance_of(Effort),
 )  # fmt: skip
 def fly(
     robot: Robot | str | Path,
@@ -90,12 +89,14 @@ def fly(
     idle_g: float | None = None,
     knot: float = 0.2,
     torque_margin: float = 0.95,
-    g_weight: float | None = None,
+    g_weight: float = G_WEIGHT,
+    vertical_weight: float = 1.0,
+    acceleration_weight: float = 0.1,
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
     effort: Effort = WHOLE,
 ) -> CueingResult:
-    """Search for a motion of a device whose force and felt rotation come near those of a flight.
+    """Search for a motion of a device that is felt like a flight, within all limits.
 
         >>> import numpy as np, sdt_drake as sdt
         >>> from sdt_drake.machine.cueing.flight import make_flight
@@ -111,8 +112,11 @@ def fly(
 
     `sdt.fly("sdt", "turn.csv")` reads a recording. `print(flown)` compares the candidates.
 
-    The same input gives the same motion. An interrupt (Ctrl-C) ends the search. The best motion so
-    far is then changed to keep the limits.
+    The cost has the errors of force and of felt gravity, rotation and acceleration, each
+    over its threshold of perception. No motion that was found excels the chosen one: none is
+    nearer in one of G, felt rotation and felt vertical, and at least as near in the others. The
+    same input gives the same motion. An interrupt (Ctrl-C) ends the search and keeps the best
+    motion so far.
 
     Args:
         robot: A device with a head and at least two joints, its file, or the name of a shipped one.
@@ -124,11 +128,13 @@ def fly(
             sample.
         knot: Time between knots of the search [s].
         torque_margin: Share of the motors' torque to use [-].
-        g_weight: Weight of the G error over that of the felt rotation error [-]. A larger weight
-            gives a smaller G error. By default 1.5, changed if alignment has a smaller error.
-        perception: Perception model for the felt vertical, or its name.
+        g_weight: Weight of the squared G error over its threshold, beside 1 for the felt rotation
+            [-]. A larger weight gives a smaller G error.
+        vertical_weight: The same for the felt vertical [-].
+        acceleration_weight: The same for the felt acceleration [-].
+        perception: Perception model of the pilot, or its name.
         compare: True to find the motion without limits of torque and the Pareto front, too.
-        effort: Starts of the search, weights of the Pareto front, and the first weight.
+        effort: Starts of the search, and weights of the Pareto front.
 
     Raises:
         InputError: The flight or the device cannot be used, or no motion keeps the limits.
@@ -139,167 +145,82 @@ def fly(
     _check(robot, knot, approach)
     began = clock.process_time()
     ends = (approach, departure)
-    weight = g_weight or effort.g_weight
-    problem = _problem_of(robot, flight, ends, idle_g, knot, torque_margin, weight)
-    rough = replace(problem, knot=2 * knot, **{
-        name: getattr(problem, name)[::2] for name in ("force", "rate", "weight")
-    })  # fmt: skip
-    candidate = partial(Candidate, robot=robot, flight=flight, starts_at=approach, model=model)
-    every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / _SENSED_PERIOD) + 1)
-    felt = percept_of(model, every, *flight.at(every))
+    problem = _problem_of(
+        robot, flight, ends, idle_g, knot, torque_margin, model,
+        Weights(g_weight, vertical_weight, 1.0, acceleration_weight),
+    )  # fmt: skip
+    every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / SENSED_PERIOD) + 1)
+    in_flight = percept_of(model, every, *flight.at(every))
+
+    starts = [(s, seat) for s in ((1, -1) if problem.arm else (1,)) for seat in effort.seats]
+    still = _still(problem, flight, in_flight)
 
     def shown(name: str, trajectory: Trajectory) -> Candidate:
-        return candidate(name, motion=trajectory.motion(INTERPOLATION_PERIOD))
+        motion = trajectory.motion(INTERPOLATION_PERIOD)
+        return Candidate(name, robot, motion, flight, approach, model)
 
     with work() as report:
-        senses = (1, -1) if problem.arm else (1,)
-        starts = [(sense, seat) for sense in senses for seat in effort.seats]
+        search = Search(problem, still, report, len(starts) + 1 + compare * (1 + len(effort.front)))
         x = aligned(problem, starts)
-        alignments = [
-            shown(f"alignment, seat at {np.degrees(starts[k][1]):.0f} deg, smoothed {smooth:g} s",
-                  fitted(problem, angles(problem, x[k], smooth, *ends)))
-            for k in range(len(effort.seats)) for smooth in SMOOTH
-        ]  # fmt: skip
-        aligned_best = min(alignments, key=lambda one: one.felt_rotation)
-        washout = fitted(problem, angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends))
-        part = _SEARCH_SHARE if compare else 1.0
-        search = _Search(lambda done: report(part * done), len(starts) + 1)
-        search.run(rough, [angles(rough, one[::2], SMOOTH[0], *ends) for one in x])
-        search.refine(problem)
-        if g_weight is None:
-            search.weigh(lambda trajectory: shown("", trajectory).beside(aligned_best))
-        search.polish()
-        problem, chosen = search.best
-        cpu = clock.process_time() - began
-        unlimited, front = None, [(1.0, chosen)]
-        with search.keeping():
-            if compare and not search.interrupted:
-                free = replace(problem, torque_share=np.inf)
-                unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
-                for point in _front(problem, chosen, effort.front):
-                    report(part + (1 - part) * len(front) / (len(effort.front) + 1))
-                    front.append(point)
-    best = shown("this motion", chosen)
-    with within("no motion keeps the limits; the best one found"):
-        checked_torque(robot, best.motion)
-    points = tuple(
-        (w, best if trajectory is chosen else shown(f"weight of G {w:g}", trajectory))
-        for w, trajectory in sorted(front, key=lambda point: point[0])
-    )
-    washed = shown("classical washout", washout)
-    numbers: dict[str, object] = {
+        simple = _alignments(problem, x, starts[: len(effort.seats)], ends)
+        alignment = min((shown(*one) for one in simple.items()), key=lambda one: one.felt_rotation)
+        turned = angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends)
+        washed = fitted(problem, turned)
+        search.run([angles(problem, one, SMOOTH[0], *ends)[::2] for one in x])
+        for baseline in (simple[alignment.name], washed):
+            search.offer(baseline)
+        own = search.find(1.0)
+        free = search.without_torque_limits(own) if compare else None
+        for factor in sorted(effort.front if compare else (), key=lambda x: abs(math.log(x))):
+            search.find(factor)
+    found = [shown("this motion", one) for _, one in search.found]
+    errors = [one.errors(in_flight) for one in found]
+    front = unexcelled(errors)
+    best = next(found[k] for k in front if np.all(np.array(errors[k]) <= errors[own]))
+    result = CueingResult(
+        best, replace(found[0], name="at rest"), alignment, shown("classical washout", washed),
+        shown("without limits of torque", free) if free else None,
+        tuple((search.found[k][0] * g_weight, found[k]) for k in front), in_flight, {},
+    )  # fmt: skip
+    numbers = result.numbers
+    numbers |= {
         "flight": flight.name,
         "robot": robot.name,
         "flight_starts_at": approach,
         "flight_duration": flight.duration,
-        **best.figures(felt),
+        **best.figures(in_flight),
         "torque_share_allowed": torque_margin,
         "perception": model.source,
         "perception_gains": {k: getattr(model, k) for k in ("k_w", "k_fw", "k_fg", "k_a")},
-        "alignment": {"name": aligned_best.name, **aligned_best.figures(felt)},
-        "washout": washed.figures(felt),
-        "without_torque_limits": unlimited and unlimited.figures(felt),
-        "front": [{"g_weight": w * problem.g_weight, **one.figures(None)} for w, one in points],
-        "g_weight": problem.g_weight,
-        "starts": search.ends(starts, shown),
+        "rest": {"posture_deg": np.degrees(still.q[0]), **result.rest.figures(in_flight)},
+        "alignment": {"name": alignment.name, **alignment.figures(in_flight)},
+        "washout": result.washout.figures(in_flight),
+        "without_torque_limits": result.unlimited and result.unlimited.figures(in_flight),
+        "front": [{"g_weight": g, **one.figures(in_flight)} for g, one in result.front],
+        "g_weight": g_weight,
+        "weights": asdict(problem.weights),
+        "starts": [
+            {"sense": sense, "seat_deg": float(np.degrees(seat)),
+             "cost": search.found[k][1].merit, **found[k].figures(in_flight)}
+            for k, (sense, seat) in enumerate(starts[: search.started], 1)
+        ],
         "interrupted": search.interrupted,
-        "cpu_s": cpu,
+        "cpu_s": clock.process_time() - began,
+    }  # fmt: skip
+    return result
+
+
+def _alignments(
+    problem: Problem, x: Array, starts: list[Start], ends: tuple[float, float]
+) -> dict[str, Trajectory]:
+    """Return the alignments of starts with different smoothing times, by name."""
+    return {
+        f"alignment, seat at {np.degrees(seat):.0f} deg, smoothed {smooth:g} s": fitted(
+            problem, angles(problem, x[k], smooth, *ends)
+        )
+        for k, (_, seat) in enumerate(starts)
+        for smooth in SMOOTH
     }
-    return CueingResult(best, aligned_best, washed, unlimited, points, felt, numbers)
-
-
-_Found = tuple[Problem, Trajectory]
-
-
-class _Search:
-    """A search from several starts that improves the best result and keeps it on an interrupt."""
-
-    def __init__(self, report: Callable[[float], None], count: int) -> None:
-        self._report, self._count = report, count
-        self._ends: list[_Found] = []  # results of the starts
-        self._later: list[_Found] = []  # improvements
-        self.interrupted = False
-
-    def run(self, problem: Problem, starts: Sequence[Array]) -> None:
-        """Search from the angles of each start, shape (N, n)."""
-        with self.keeping():
-            for q in starts:
-                self._improve(self._ends, problem, fitted(problem, q))
-        if not self._ends:
-            raise KeyboardInterrupt
-
-    def refine(self, problem: Problem) -> None:
-        """Improve the best trajectory with half the time between knots."""
-        if self.interrupted:
-            return
-        with self.keeping():
-            self._improve(self._later, problem, self.best[1].refined())
-
-    def weigh(self, losses: Callable[[Trajectory], tuple[float, float]]) -> None:
-        """Change the weight of the G error until neither error is larger than that of alignment.
-
-        If both cannot be reached, the G error has priority.
-
-        Args:
-            losses: Function from a trajectory to its two errors over those of alignment [-].
-        """
-        for _ in range(_WEIGHINGS):
-            if self.interrupted:
-                return
-            with self.keeping():
-                problem, trajectory = self.best
-                g, rotation = losses(trajectory)
-                if g <= 1 and (rotation <= 1 or g >= _GOAL - _TOLERANCE):
-                    return
-                factor = np.clip((g / _GOAL) ** _EXPONENT, *_CHANGES)
-                other = replace(problem, g_weight=float(factor) * problem.g_weight)
-                self._improve(self._later, other, trajectory, _FRONT_STEPS)
-
-    def polish(self) -> None:
-        """Change the best trajectory to keep the limits between knots, also after an interrupt."""
-        for _ in range(_POLISHES):
-            with self.keeping():
-                problem, trajectory = self.best
-                tighter = _tightened(problem, trajectory)
-                if tighter is None:
-                    return
-                self._improve(self._later, tighter, trajectory, _POLISH_STEPS)
-
-    def _improve(
-        self, found: list[_Found], problem: Problem, start: Trajectory, max_steps: int = MAX_STEPS
-    ) -> None:
-        """Append the trajectory that a search from `start` finds."""
-
-        def watch(best: Trajectory, done: float) -> None:
-            found[-1] = problem, best
-            finished = len(self._ends) + len(self._later) - 1
-            self._report(min((finished + done) / self._count, 1.0))
-
-        found.append((problem, rated(problem, start)))
-        solve(problem, start, watch, max_steps)
-
-    @contextmanager
-    def keeping(self) -> Iterator[None]:
-        """Keep the results when an interrupt ends the work in the block."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self.interrupted = True
-
-    @property
-    def best(self) -> _Found:
-        """The last improvement, or the best result of a start, with its problem."""
-        return self._later[-1] if self._later else min(self._ends, key=lambda one: one[1].merit)
-
-    def ends(self, starts: list[Start], shown: Callable[[str, Trajectory], Candidate]) -> object:
-        """Return the result of each start."""
-        rows = []
-        for (sense, seat), (_, trajectory) in zip(starts, self._ends, strict=False):
-            figures = shown("", trajectory).figures(None)
-            kept = {k: figures[k] for k in ("g_error_rms", "felt_rotation_rms_deg_s")}
-            seat_deg = float(np.degrees(seat))
-            rows.append({"sense": sense, "seat_deg": seat_deg, "cost": trajectory.merit, **kept})
-        return rows
 
 
 def _check(robot: Robot, knot: float, approach: float) -> None:
@@ -315,7 +236,7 @@ def _check(robot: Robot, knot: float, approach: float) -> None:
 
 def _problem_of(
     robot: Robot, flight: Flight, ends: tuple[float, float], idle_g: float | None,
-    knot: float, torque_margin: float, g_weight: float,
+    knot: float, torque_margin: float, model: PerceptionModel, weights: Weights,
 ) -> Problem:  # fmt: skip
     """Return the flight at knots, with approach and departure, and the limits of the robot."""
     approach, departure = ends
@@ -323,51 +244,29 @@ def _problem_of(
     time = knot * np.arange(float(count)) - approach
     force, rate = flight.means(time, knot)
     flies = (time > -1e-9) & (time < flight.duration + 1e-9)
-    weight = np.repeat(np.where(flies, 1.0, _WEIGHT_BESIDE)[:, None], 6, axis=1)
+    weight = np.repeat(np.where(flies, 1.0, _WEIGHT_BESIDE)[:, None], 2, axis=1)
     if idle_g is not None:
         idles = (time > -approach / 2) & (time < flight.duration + departure / 2) & ~flies
-        weight[idles, :3] = 1.0
+        weight[idles, 0] = 1.0
         size = np.linalg.norm(force[~flies], axis=1, keepdims=True)
         force[~flies] *= idle_g * GRAVITY / np.maximum(size, 1e-3)
     axis, _ = robot.joint_at_zero(robot.joint_names[0])
     down = robot.plant.gravity_field().gravity_vector() / GRAVITY
+    head = np.hstack([force, rate])
     return Problem(
-        robot=robot, knot=knot, force=force, rate=rate, weight=weight, g_weight=g_weight,
+        robot=robot, model=model, knot=knot, head=head,
+        felt=felt(model, followed(model, head, knot), head), weight=weight, weights=weights,
         torque_share=torque_margin, lower=robot.position_lower, upper=robot.position_upper,
-        torque_less=np.zeros(robot.n),
         arm=bool(np.linalg.norm(np.cross(axis, down)) < _MAX_TILT),
     )  # fmt: skip
 
 
-def _tightened(problem: Problem, trajectory: Trajectory) -> Problem | None:
-    """Return the problem with limits tightened by their excess between knots; None for none."""
-    robot, motion = problem.robot, trajectory.motion(INTERPOLATION_PERIOD)
-    torque = np.vstack(torque_of_periods(robot, motion))
-    share = min(problem.torque_share * (1 + _OVERSHOOT), 1.0)
-    low, high = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), share)
-    over = np.maximum(np.maximum(torque - high, low - torque).max(axis=0), 0)
-    beyond = np.maximum(motion.q - robot.position_upper, robot.position_lower - motion.q)
-    past = np.maximum(beyond.max(axis=0), 0)
-    if not over.any() and not past.any():
-        return None
-    return replace(
-        problem,
-        torque_less=problem.torque_less + 1.2 * over,
-        lower=problem.lower + 1.2 * past,
-        upper=problem.upper - 1.2 * past,
-        penalty=10 * problem.penalty,
-    )
-
-
-def _front(
-    problem: Problem, chosen: Trajectory, factors: Sequence[float]
-) -> Iterator[tuple[float, Trajectory]]:
-    """Yield trajectories with other weights of the G error, each found from its neighbour."""
-    above = sorted(factor for factor in factors if factor > 1)
-    below = sorted((factor for factor in factors if factor < 1), reverse=True)
-    for side in (above, below):
-        trajectory = chosen
-        for factor in side:
-            other = replace(problem, g_weight=factor * problem.g_weight)
-            trajectory = solve(other, trajectory, lambda *_: None, _FRONT_STEPS)
-            yield factor, trajectory
+def _still(problem: Problem, flight: Flight, in_flight: Percept | None) -> Trajectory:
+    """Return the device at rest, tilted such that gravity is felt as it is on average in flight."""
+    up = flight.specific_force if in_flight is None else -in_flight.gravity
+    mean = up.mean(axis=0)
+    posture = standing(problem, mean / max(float(np.linalg.norm(mean)), 1e-9))
+    if problem.arm:
+        posture[0] = 0.0
+    rest = np.zeros((problem.count, problem.robot.n))
+    return Trajectory(problem.knot, posture + rest, rest, rest)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from sdt_drake.io.deprecated import renamed
 from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.cueing.candidate import Candidate
+from sdt_drake.machine.cueing.search import Errors
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.pilot.orientation import Percept
 
@@ -16,6 +17,8 @@ class CueingResult(Shown):
 
     chosen: Candidate
     """The best motion."""
+    rest: Candidate
+    """The device at rest, tilted along the mean of the force that is felt in flight."""
     alignment: Candidate
     """The best alignment of the device with the flight's force."""
     washout: Candidate
@@ -23,7 +26,7 @@ class CueingResult(Shown):
     unlimited: Candidate | None
     """The best motion without limits of torque; None with `compare=False`."""
     front: tuple[tuple[float, Candidate], ...]
-    """Weights of the G error over the given one, in increasing order, with their motions."""
+    """Motions within the limits that no found one excels, by G error, after the weight of G."""
     felt: Percept | None
     """The percept in flight; None if the model has no solution."""
     numbers: dict[str, object]
@@ -37,8 +40,25 @@ class CueingResult(Shown):
     @property
     def candidates(self) -> list[Candidate]:
         """The best motion, and the motions to compare."""
-        others = [self.alignment, self.washout, self.unlimited]
+        others = [self.rest, self.alignment, self.washout, self.unlimited]
         return [self.chosen, *(one for one in others if one is not None)]
+
+    @property
+    def answer(self) -> str:
+        """What the motion gains over a device at rest and over alignment, and where it is worse."""
+        own, rest, alignment = (
+            x.errors(self.felt) for x in (self.chosen, self.rest, self.alignment)
+        )
+        better, worse = _told(own, rest), _told(rest, own)
+        if not better:
+            return "no motion was found that is nearer to the flight than standing still"
+        only = "only " * (better == [0])
+        text = f"moving is nearer than standing still {only}in {_joined(own, rest, better)}"
+        if worse:
+            text += f", and farther in {_joined(own, rest, worse)}"
+        if beaten := _told(alignment, own):
+            text += f"; alignment is nearer in {_joined(alignment, own, beaten)}"
+        return text
 
     @property
     def options(self) -> list[Candidate]:
@@ -59,3 +79,23 @@ class CueingResult(Shown):
         flight = self.chosen.flight
         title = f"{flight.name}: RMS errors over {flight.duration:.6g} s of flight"
         return Summary(title, header, rows)
+
+
+_FIGURES = (("G", "{:.3f}", "G"), ("felt rotation", "{:.1f}", "deg/s"),
+            ("felt vertical", "{:.1f}", "deg"))  # fmt: skip
+
+
+def _told(errors: Errors, others: Errors) -> list[int]:
+    """Return the indices of errors that are smaller than others in the digits that are told."""
+    pairs = enumerate(zip(errors, others, _FIGURES, strict=True))
+    return [k for k, (one, other, (_, form, _)) in pairs
+            if float(form.format(one)) < float(form.format(other))]  # fmt: skip
+
+
+def _joined(errors: Errors, others: Errors, which: list[int]) -> str:
+    """Return errors beside others in words."""
+    words = []
+    for k in which:
+        name, form, unit = _FIGURES[k]
+        words.append(f"{name} ({form} instead of {form} {unit})".format(errors[k], others[k]))
+    return ", ".join(words[:-1]) + " and " * (len(words) > 1) + words[-1]

@@ -40,9 +40,10 @@ def attitude_panels(flown: CueingResult) -> list[Panel]:
         lines = []
         if felt is not None and own is not None:
             in_flight = np.interp(time, felt.time, getattr(felt, name))
+            on_device = np.interp(flown.chosen.motion.time, own.time, getattr(own, name))
             lines = [
                 Line("felt in flight", LOOKS["reference"], np.degrees(in_flight)),
-                Line("felt on the device", DEVICE, np.degrees(getattr(own, name))),
+                Line("felt on the device", DEVICE, np.degrees(on_device)),
             ]
         if attitude is not None:
             true = np.interp(time, flown.chosen.flight.time, attitude[:, k])
@@ -65,20 +66,21 @@ def rotation_panels(candidate: Candidate) -> list[Panel]:
 
 
 def front(flown: CueingResult) -> Figure:
-    """Draw felt rotation error over G error, by weight, with the chosen motion and baselines."""
-
-    def place(candidate: Candidate) -> tuple[float, float]:
-        figures = candidate.figures(None)
-        return figures["g_error_rms"] or 0.0, figures["felt_rotation_rms_deg_s"] or 0.0
-
+    """Draw felt rotation and felt vertical over G error: the front, chosen motion and baselines."""
+    labels = ("felt rotation error, RMS [deg/s]", "felt vertical, RMS [deg]")
+    looks = (DEVICE, *map(Look, PALETTE[1:5]))
     with style():
-        figure, ((ax,),) = grid(1, 1, panel=(7.2, 3.6), left=0.85)
-        ax.plot(*zip(*sorted(place(one) for _, one in flown.front), strict=True),
-                color="0.2", marker="o", markersize=4, label="by weight of G")  # fmt: skip
-        for one, look in zip(flown.candidates, (DEVICE, *map(Look, PALETTE[1:4])), strict=False):
-            ax.plot(*place(one), color=look.colour, marker="s", linestyle="", label=one.name)
-        ax.set_xlabel("G error, RMS [G]")
-        ax.set_ylabel("felt rotation error, RMS [deg/s]")
-        ax.set_xlim(left=0)
-        ax.set_ylim(bottom=0)
-        return finish(figure, "Less of one error costs more of the other")
+        figure, axes = grid(1, 2, panel=(4.6, 3.6), left=0.85)
+        for k, (ax, label) in enumerate(zip(axes[0], labels, strict=True), 1):
+            places = [one.errors(flown.felt) for _, one in flown.front]
+            ax.plot([place[0] for place in places], [place[k] for place in places],
+                    color="0.2", marker="o", markersize=4, label="not excelled")  # fmt: skip
+            for one, look in zip(flown.candidates, looks, strict=False):
+                errors = one.errors(flown.felt)
+                ax.plot(errors[0], errors[k], color=look.colour, marker="s", linestyle="",
+                        label=one.name)  # fmt: skip
+            ax.set_xlabel("G error, RMS [G]")
+            ax.set_ylabel(label)
+            ax.set_xlim(left=0)
+            ax.set_ylim(bottom=0)
+        return finish(figure, "From near in G to the device at rest")

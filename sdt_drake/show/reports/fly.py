@@ -1,6 +1,7 @@
 """The files of `fly`: motion, summary and report."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any, cast
 
@@ -9,7 +10,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.formats import in_json
-from sdt_drake.io.shown import numbered
+from sdt_drake.io.shown import formatted, numbered
 from sdt_drake.machine.cueing.candidate import Candidate
 from sdt_drake.machine.cueing.program import MAX_STEPS
 from sdt_drake.machine.cueing.result import CueingResult
@@ -49,25 +50,26 @@ def write_flown(folder: Path, flown: CueingResult) -> Path:
 def fly_report(flown: CueingResult) -> Report:
     """Make the report of a flight."""
     best, flight, numbers = flown.chosen, flown.chosen.flight, cast(Any, flown.numbers)
-    own, alignment, *others = (one.figures(flown.felt) for one in flown.candidates)
+    own, rest, alignment = (one.figures(flown.felt) for one in (best, flown.rest, flown.alignment))
     rate = flight.angular_rate - low_pass_at(flight.time, flight.angular_rate)
     size = np.linalg.norm(flight.specific_force, axis=1) / GRAVITY
-    felt, aligned = (x["felt_vertical_rms_deg"] for x in (own, alignment))
-    beside = "" if aligned is None else said("; with alignment {:.1f} deg", aligned)
+    felt, resting, aligned = (x["felt_vertical_rms_deg"] for x in (own, rest, alignment))
+    beside = said("; at rest {:.1f} deg, with alignment {:.1f} deg", resting, aligned)
     panels = {
         "force.png": figures.force_panels(best),
         "attitude.png": figures.attitude_panels(flown),
         "rotation.png": figures.rotation_panels(best),
     }
-    free = others[1] if flown.unlimited else None
-    why = "the motors hardly matter; kinematics and speeds do"
+    free = flown.unlimited.figures(flown.felt) if flown.unlimited else None
+    why = "which proves nothing, as the search may have missed a better one"
     if free and _costs(own, free):
-        why = "the difference is due to the motors"
+        why = "at least the difference is due to the motors"
     return written("fly", {
         **numbers,
         **{name: Plots([shown]) if shown else None for name, shown in panels.items()},
         "front.png": figures.front(flown),
-        "flight": flight, "robot": best.robot, "own": own, "to": alignment,
+        "flight": flight, "robot": best.robot, "own": own, "rest": rest, "to": alignment,
+        "answer": flown.answer[0].upper() + flown.answer[1:],
         "least": size.min(), "most": size.max(),
         "rate_rms": np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
         "vertical": "unknown; the model of the pilot does not cover weightlessness" if felt is None
@@ -80,6 +82,7 @@ def fly_report(flown: CueingResult) -> Report:
             "plots above.", best.robot, best.motion.time, best.motion.q, title=flight.name,
         ),
         "limits": _limits(best), "max_steps": MAX_STEPS, "found_from": _starts(flown),
+        "others": _front(flown),
         "caution": CAUTION,
     })  # fmt: skip
 
@@ -106,14 +109,33 @@ def _starts(flown: CueingResult) -> Table:
     assert isinstance(rows, list)
     best = min(row["cost"] for row in rows)
     return Table(
-        ["sense of the arm, seat", "G error [G]", "felt rotation error [deg/s]",
-         "cost above the best [%]"],
+        ["sense of the arm, seat", *_ERRORS, "cost above the best [%]"],
         [
-            (f"{'+' if row['sense'] > 0 else '−'}, {row['seat_deg']:.0f} deg",
-             f"{row['g_error_rms']:.3f}", f"{row['felt_rotation_rms_deg_s']:.1f}",
+            (f"{'+' if row['sense'] > 0 else '−'}, {row['seat_deg']:.0f} deg", *_errors(row),
              f"{100 * (row['cost'] / best - 1):.1f}")
             for row in rows
         ],
+    )  # fmt: skip
+
+
+_ERRORS = ["G error [G]", "felt rotation error [deg/s]", "felt vertical [deg]"]
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _errors(row: Any) -> tuple[str, str, str]:
+    return (f"{row['g_error_rms']:.3f}", f"{row['felt_rotation_rms_deg_s']:.1f}",
+            formatted(_number(row["felt_vertical_rms_deg"]), ".1f"))  # fmt: skip
+
+
+def _front(flown: CueingResult) -> Table:
+    rows = cast(Any, flown.numbers["front"])
+    return Table(
+        ["weight of G", *_ERRORS],
+        [("at rest" if row["g_weight"] == 0 else f"{row['g_weight']:.2g}", *_errors(row))
+         for row in rows],
     )  # fmt: skip
 
 
