@@ -17,6 +17,7 @@ def run(
     format: Literal["dot", "svg", "png", "pdf"] | None = None,
     depth: Annotated[Integer, number(gte=0, lte=100)] = 2,
     drake: Flag = False,
+    paper: Flag = False,
     ports: Flag = False,
     out: Out = None,
     given: Given = Given(),
@@ -29,13 +30,17 @@ def run(
         format: format of the file (default: that of --out, or dot)
         depth: number of levels of diagrams to open
         drake: write Drake's own graph; other formats than dot then need Graphviz
+        paper: name signals as the paper does: tau_LD, tau_alleviate, q̇_mr
         ports: list the outputs of all blocks instead, which probes of a scenario may name
         out: file for the diagram (default: the scenario's name)
     """
     from sdt_drake.run.loop import make_loop
     from sdt_drake.run.probes import output_ports, unit_of
     from sdt_drake.show.block_diagrams import FORMATS, write_diagram
+    from sdt_drake.show.symbols import PAPER
 
+    if paper and (drake or ports):
+        raise InputError("--paper: has no effect with --drake or --ports")
     if ports:
         if out is not None or format is not None:
             raise InputError("--ports: prints a list, remove --out and --format")
@@ -51,5 +56,6 @@ def run(
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = out or Path(f"{name}.{format_}")
     loop = make_loop(design).diagram
-    write_diagram(loop, path, format_=format_, max_depth=depth, drake=drake)
+    signals = PAPER if paper else None
+    write_diagram(loop, path, format_=format_, max_depth=depth, drake=drake, signals=signals)
     echo(f"{path} written")

@@ -4,6 +4,7 @@ import hashlib
 import re
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 
 from pydrake.systems.framework import Diagram
@@ -26,7 +27,13 @@ _ID = re.compile(r"\b(clusters|cluster|s|_)(\d+)(?=\b|[a-z:])")
 _EDGES = re.compile(r"(?:^\S+ -> .*\n)+", re.MULTILINE)
 
 
-def page_of(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> Page:
+def page_of(
+    diagram: Diagram,
+    *,
+    max_depth: int = 2,
+    symbols: Symbols | None = None,
+    signals: Mapping[str, str] | None = None,
+) -> Page:
     """Lay out a diagram as a control engineer draws it; see `sdt_drake.show.diagrams`.
 
     Args:
@@ -34,11 +41,14 @@ def page_of(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = N
         max_depth: number of nested levels that are opened.
         symbols: texts on your own blocks by the names of their classes, as in
             `sdt_drake.show.diagrams.walk`.
+        signals: other names of signals, by that of the output; `symbols.PAPER` has the paper's.
 
     Raises:
         InputError: if the diagram has more lines than can be drawn.
     """
     seen = diagrams.walk(diagram, max_depth=max_depth, symbols={**SYMBOLS, **(symbols or {})})
+    for signal, name in seen.labels.items():
+        seen.labels[signal] = (signals or {}).get(name, name)
     try:
         return diagrams.laid_out(seen)
     except NoWayError as error:
@@ -86,6 +96,7 @@ def write_diagram(
     max_depth: int = 2,
     drake: bool = False,
     symbols: Symbols | None = None,
+    signals: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a diagram to `path` as one of FORMATS.
 
@@ -96,13 +107,14 @@ def write_diagram(
         max_depth: number of nested levels that are opened.
         drake: write Drake's own drawing (`drake_dot_text`); Graphviz draws its pictures.
         symbols: texts on your own blocks, as in `page_of`.
+        signals: other names of signals, as in `page_of`.
 
     Raises:
         InputError: if the format is none of FORMATS, or Graphviz is needed and missing.
     """
     one_of(format_, "format", FORMATS)
     if not drake:
-        page = page_of(diagram, max_depth=max_depth, symbols=symbols)
+        page = page_of(diagram, max_depth=max_depth, symbols=symbols, signals=signals)
         return write_page(page, Path(path), format_)
     text = drake_dot_text(diagram, max_depth=max_depth).encode()
     return _write(Path(path), text if format_ == "dot" else _by_graphviz(text, format_))

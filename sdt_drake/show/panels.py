@@ -14,6 +14,8 @@ from sdt_drake.show.style import Look, Picture, finish, grid, joint_title, style
 
 _NAME = 0.15  # height of a line's name [inch]
 
+_MAX_LABEL = 22  # letters beside a panel
+
 MAX_SAMPLES = 10_000
 """Largest number of samples of a panel on a page."""
 
@@ -127,6 +129,7 @@ def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.
             for ax, panel in zip(column, panels, strict=True):
                 draw(ax, panel)
             column[-1].set_xlabel(panels[-1].x_label)
+            figure.align_ylabels(column)
         figure.columns = columns
         return finish(figure, title)
 
@@ -146,9 +149,12 @@ def draw(ax: Axes, panel: Panel) -> None:
         )
     if panel.marked is not None and panel.marked.any():
         shade(ax, panel.x, panel.marked, panel.marked_label)
-    ax.set_ylabel(panel.y_label)
+    label, side = panel.y_label, ""
+    if max(map(len, label.split("\n"))) > _MAX_LABEL:  # its side has no room beside the panel
+        label, _, side = label.partition(", ")
+    ax.set_ylabel(label)
     ax.set_title(panel.title, loc="left", fontweight="bold")
-    ax.set_title(panel.note, loc="right")
+    ax.set_title(", ".join(filter(None, [side, panel.note])), loc="right")
     ax.ticklabel_format(axis="y", useOffset=False)
     ax.margins(x=0)
 

@@ -14,6 +14,14 @@ def _encoder(block: System) -> str:
     return f"encoder\n{1e3 * timing.period_sec():g} ms"
 
 
+PAPER = {
+    "load_torque": "tau_LD",
+    "alleviating_torque": "tau_alleviate",
+    "motor_speed_ref": "q\u0307_mr",
+    "motor_speed": "q\u0307_m",
+}
+"""The paper's symbols of signals, by name of the output."""
+
 SYMBOLS: Symbols = {
     **yaml.safe_load((TEMPLATES / "symbols.yaml").read_text("utf-8")),
     "dynamic_saturation": lambda block: "dynamic\n" * (block.num_input_ports() > 1) + "saturation",

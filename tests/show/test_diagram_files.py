@@ -27,7 +27,7 @@ from sdt_drake.show.block_diagrams import (
     write_diagram,
 )
 from sdt_drake.show.diagrams import paint
-from sdt_drake.show.symbols import SYMBOLS
+from sdt_drake.show.symbols import PAPER, SYMBOLS
 from sdt_drake.systems import encoder
 from sdt_drake.systems.gains import tune
 
@@ -45,17 +45,20 @@ def make_small():
 # --- what the figures show -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", DIAGRAMS)
-def test_diagram_words_overlap_neither_wires_nor_boxes(diagrams, name):
+@pytest.mark.parametrize(
+    ("name", "signals"), [*((name, None) for name in DIAGRAMS), ("figure6", PAPER)]
+)
+def test_diagram_words_overlap_neither_wires_nor_boxes(diagrams, name, signals):
     """As matplotlib's font has them; the layout only knows about how wide they are."""
-    page = page_of(diagrams[name])
+    page = page_of(diagrams[name], signals=signals)
     boxes = [
         Bbox.from_bounds(x - width / 2, y - height / 2, width, height)
         for _, _, shape, x, y, width, height in page.items
         if shape in ("box", "sum")
     ]
     segments = (pair for _, line in page.wires for pair in itertools.pairwise(line))
-    wires = [Bbox([np.min(pair, axis=0), np.max(pair, axis=0)]) for pair in segments]
+    ends = [(np.min(pair, axis=0), np.max(pair, axis=0)) for pair in segments]
+    wires = [Bbox([low - 0.1, high + 0.1]) for low, high in ends]  # a line has no width by itself
     words = list(words_on(page))
     assert len(words) > len(boxes)
     for word in words:
@@ -65,6 +68,23 @@ def test_diagram_words_overlap_neither_wires_nor_boxes(diagrams, name):
             assert box.y0 < word.y0 and word.y1 < box.y1
         others = [box for box in boxes if box not in own]
         assert not any(overlap(word, thing) for thing in [*others, *wires])
+
+
+def test_no_wire_passes_through_a_frame_that_has_neither_of_its_ends(diagrams):
+    page = page_of(diagrams["figure6"])
+    (frame,) = page.frames
+    low = np.subtract((frame.x, frame.y), np.divide((frame.width, frame.height), 2))
+    inside = Bbox.from_bounds(*low, frame.width, frame.height)
+    ends = {wire: ("/".join(wire.source), "/".join(wire.target)) for wire, _ in page.wires}
+    foreign = [
+        pair
+        for wire, line in page.wires
+        if not any(end.startswith(frame.name) for end in ends[wire])
+        for pair in itertools.pairwise(line)
+    ]
+    assert len(foreign) > 5
+    for pair in foreign:
+        assert not overlap(Bbox([np.min(pair, axis=0), np.max(pair, axis=0) + 1e-6]), inside)
 
 
 def words_on(page):

@@ -23,6 +23,8 @@ TITLE = 4
 GAP = 3
 """The smallest space between blocks [cells]."""
 
+_WAY = 2  # further cells beside a frame, for a line that passes it
+
 
 @dataclass(frozen=True)
 class Rect:
@@ -185,7 +187,11 @@ class _Level:
         own = self.parts[path][path]
         rect = own.moved(left - own.left, y)
         line = Rect(rect.left, -2, rect.right, 2)
-        return not any(rect.overlaps(other, gap) for other in [line, *self.placed.values()])
+        frames = {item for item, places in self.parts.items() if len(places) > 1}
+        return not rect.overlaps(line, gap) and not any(
+            rect.overlaps(other, gap + _WAY * (item in frames))
+            for item, other in self.placed.items()
+        )
 
 
 def bounds(rects: Collection[Rect], margin: float = 0, title: float = 0) -> Rect:

@@ -12,6 +12,7 @@ Point = tuple[int, int]
 _State = tuple[Point, int]  # a point, and the direction of the last step
 
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # right, down, left, up
+_THROUGH = 2.0  # for a line through a frame that has neither of its ends
 _BEND, _CROSS, _BORDER, _FRAME, _NEAR, _ASIDE, _FROM_ABOVE = 4, 3, 3, 0.5, 1, 3, 50
 
 
@@ -72,8 +73,18 @@ class Router:
 
     def _route(self, wire: Wire) -> None:
         tree = self._trees.setdefault((wire.source, wire.output), set())
+        ends = wire.source, wire.target
+        foreign = [
+            rect
+            for path, rect in self.rects.items()
+            if path not in self._blocks and all(end[: len(path)] != path for end in ends)
+        ]
+        for rect in foreign:
+            self._add(rect, 0, _THROUGH)
         starts = {(p, d): 0.0 for p in sorted(tree) for d in range(4)} or self._outlets(wire)
         line = self._cheapest(starts, self._inlets(wire), self.rects[wire.target])
+        for rect in foreign:
+            self._add(rect, 0, -_THROUGH)
         if tree:
             self.joints.add(line[0])
         self.lines[wire] = line

@@ -10,7 +10,7 @@ LINE = 13.0
 """The distance of lines [points]."""
 
 _GREEK = {"alpha": "α", "beta": "β", "zeta": "ζ", "tau": "τ", "theta": "θ", "omega": "ω"}
-_SYMBOL = re.compile(rf"\b(?:([A-Za-z])_|({'|'.join(_GREEK)})(?:_|\b))((?:\w|,(?=\w))*)")
+_SYMBOL = re.compile(rf"\b(?:([A-Za-z]\u0307?)_|({'|'.join(_GREEK)})(?:_|\b))((?:\w|,(?=\w))*)")
 _SUB, _END = "\0", "\1"  # around a subscript
 _NARROW, _WIDE = set("iljtfrI.,:;'|()/ "), set("mwMW%")
 

@@ -13,7 +13,7 @@ from sdt_drake.pilot.thresholds import CHANNELS
 from sdt_drake.show.panels import Line, Panel
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, style
 
-DEVICE = Look(PALETTE[5])
+DEVICE = Look(PALETTE[1])
 
 
 def _beside(title: str, label: str, x: Array, flown: Array, device: Array) -> Panel:
@@ -68,7 +68,7 @@ def rotation_panels(candidate: Candidate) -> list[Panel]:
 def front(flown: CueingResult) -> Figure:
     """Draw felt rotation and felt vertical over G error: the front, chosen motion and baselines."""
     labels = ("felt rotation error, RMS [deg/s]", "felt vertical, RMS [deg]")
-    looks = (DEVICE, *map(Look, PALETTE[1:5]))
+    looks = (DEVICE, *map(Look, PALETTE[2:6]))
     with style():
         figure, axes = grid(1, 2, panel=(4.6, 3.6), left=0.85)
         for k, (ax, label) in enumerate(zip(axes[0], labels, strict=True), 1):

@@ -87,6 +87,7 @@ def pilot(
             _error(axes[-1, 0], time, run)
         for ax in axes[:, 0]:
             label_lines(ax)
+        figure.align_ylabels(axes[:, 0])
         axes[-1, 0].set_xlabel("time [s]")
         axes[-1, 0].set_xlim(time[0], time[-1])
         if tracks:

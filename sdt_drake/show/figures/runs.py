@@ -261,6 +261,8 @@ def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degree
 def _of_joints(quantity: str, values: Array) -> str:
     """Return a quantity with its number for each joint; of many joints, the range."""
     name, unit = quantity.rstrip("]").split(" [")
+    if np.isinf(values).all():
+        return f"{name} of every joint unlimited"
     if len(values) > _MAX_LISTED:
         ends = (formatted(end.reduce(values), ".0f") for end in (np.fmin, np.fmax))
         shown = " to ".join(dict.fromkeys(ends))

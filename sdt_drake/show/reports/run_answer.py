@@ -9,6 +9,7 @@ from sdt_drake.analysis.frequency_response import FrequencyResponse
 from sdt_drake.analysis.metrics import plain_number
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.shown import listed
 from sdt_drake.pilot.head import has_head
 from sdt_drake.show.sections import Marked, bullets, said
 from sdt_drake.show.style import joint_title
@@ -89,10 +90,13 @@ def _margins(response: FrequencyResponse) -> Marked:
         of = "phase margin of a position loop" if response.at_positions else "phase margin"
         text = said("{}, the smallest {} {:.0f} deg (joint {})", text, of, phase[k], k + 1)
     if np.isnan(gain).all():
-        return said("{}. Gain margins are unlimited.", text)
+        return said("{}. The gain margins of all joints are unlimited.", text)
     place = int(np.nanargmin(np.abs(gain)))
     least = gain.flat[place]
+    free = [str(k + 1) for k in np.flatnonzero(np.isnan(gain).all(axis=0))]
+    joints = f"joint{'s' if len(free) > 1 else ''} {listed(free)}"
+    others = f"; the gain margin of {joints} is unlimited" if free else ""
     return said(
-        "{}. The gain of joint {} may {} by {:.1f} dB.",
-        text, place % gain.shape[-1] + 1, "rise" if least > 0 else "fall", abs(least),
+        "{}. The gain of joint {} may {} by {:.1f} dB{}.",
+        text, place % gain.shape[-1] + 1, "rise" if least > 0 else "fall", abs(least), others,
     )  # fmt: skip

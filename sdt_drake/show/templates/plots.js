@@ -58,6 +58,7 @@
     const chart = new uPlot({
       width: width(place),
       height: 230,
+      pxAlign: 0, // lines of slow signals have no steps of a pixel
       scales: { x: { time: false }, y: { range } },
       axes: [{ ...axis, label: panel.x_label, size: 32, space: 80 }, { ...axis, label: panel.y_label, size: room }],
       series: [
