@@ -47,6 +47,10 @@ class PerceptionModel(Input):
     """Time constant of the adaptation of the canals' nerve."""
     cutoff: Number = field(2.0, gt=0, le=100, unit="Hz")
     """Cut-off frequency of all senses, and of the brain's expectation of them."""
+    turn_gain: NotNegative = field(0.0, unit="-")
+    """Felt bank over felt roll in a familiar turn, see `familiar_turn`; 0 for no such prior."""
+    turn_time: Positive = field(66.0, unit="s")
+    """Time constant in which the bank of a familiar turn fades."""
 
 
 def load_perception(name: str) -> PerceptionModel:
@@ -80,7 +84,7 @@ def orientation_observer(*, model: PerceptionModel) -> Diagram:
 
     Inputs: specific force [m/s²] of the head, +9.81 along z at rest, and angular rate [rad/s].
     Outputs: felt gravity [G], which points down, felt rate [rad/s] and felt acceleration [m/s²].
-    The model has neither vision nor touch, and no expectation but rest.
+    The model has neither vision nor touch. It expects rest, and with `turn_gain` familiar turns.
 
     .. pydrake_system::
 
@@ -101,7 +105,14 @@ def orientation_observer(*, model: PerceptionModel) -> Diagram:
     builder.Connect(filtered.get_output_port(), senses.get_input_port())
     builder.Connect(otoliths.get_output_port(), internal.GetInputPort("otoliths"))
     builder.Connect(senses.get_output_port(), internal.GetInputPort("canals"))
-    for name in ("gravity", "rate", "acceleration"):
+    gravity = internal.GetOutputPort("gravity")
+    if model.turn_gain:
+        turn = builder.AddNamedSystem("familiar_turn", familiar_turn(model=model))
+        for name in ("gravity", "rate"):
+            builder.Connect(internal.GetOutputPort(name), turn.GetInputPort(name))
+        gravity = turn.GetOutputPort("banked")
+    builder.ExportOutput(gravity, "gravity")
+    for name in ("rate", "acceleration"):
         builder.ExportOutput(internal.GetOutputPort(name), name)
     return build(builder, "orientation_observer")
 
@@ -120,6 +131,40 @@ def set_unfelt(
     set_state(observer, context, "internal_model/internal_otoliths", f)
     felt = np.concatenate([f / np.linalg.norm(f), np.zeros(6)])
     set_state(observer, context, "internal_model/felt/law", felt)
+
+
+def familiar_turn(*, model: PerceptionModel) -> Diagram:
+    """Make the prior of a familiar whole motion: a coordinated turn, flown forward.
+
+    Rolls and turns to the same side belong to it, and are felt as a bank b beside the observer's:
+
+        db/dt = turn_gain p max(0, -p r) / (|p r| + e²) - b / turn_time       e = 1 deg/s
+
+    with p and r, the felt rates about x (roll to the right) and z (yaw to the left). The idea that
+    motions are perceived as familiar wholes is of Holly, Vrublevskis & Carlson 2008 (J Vestib Res
+    18:171); the equation is of this package.
+
+    .. pydrake_system::
+
+        name: familiar_turn
+        input_ports: [gravity, rate]
+        output_ports: [banked]
+    """
+    least = np.radians(1) ** 2
+
+    def banked(x: Symbols, gravity: Symbols, rate: Symbols) -> Symbols:
+        cosine, sine, (gx, gy, gz) = sym.cos(x[0]), sym.sin(x[0]), gravity
+        return np.array([1 * gx, gy * cosine + gz * sine, gz * cosine - gy * sine])
+
+    def rates(x: Symbols, gravity: Symbols, rate: Symbols) -> Symbols:
+        product = rate[0] * rate[2]
+        share = sym.max(0, -product) / (sym.abs(product) + least)
+        return np.array([model.turn_gain * share * rate[0] - x[0] / model.turn_time])
+
+    return symbolic_law(
+        inputs={"gravity": 3, "rate": 3}, output="banked", law=banked, rates=rates, states=1,
+        name="familiar_turn",
+    )  # fmt: skip
 
 
 def internal_model(*, model: PerceptionModel) -> Diagram:

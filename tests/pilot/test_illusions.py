@@ -27,7 +27,9 @@ from sdt_drake.pilot.illusions import (
 )
 from sdt_drake.pilot.pilots import Feeling, draw_pilots
 
-SETS = ("allred", "clark2015", "clark2019", "irmak2023", "rader2009", "slow_yaw")
+SETS = (
+    "allred", "clark2015", "clark2019", "familiar_turn", "irmak2023", "rader2009", "slow_yaw",
+)  # fmt: skip
 
 
 def held(robot, q, samples=50):
@@ -117,7 +119,7 @@ def test_table_of_illusions_equals_predictions(robot, k):
     level = 2.5 if "rate" in quantity else 1.7
     assert found.is_felt(chosen) == (abs(sizes[chosen]) > level)
     felt = {model for model, size in sizes.items() if abs(size) > level}
-    assert felt == ({"clark2015"} if name == "g_excess" else set(SETS))
+    assert felt == ({"clark2015", "familiar_turn"} if name == "g_excess" else set(SETS))
     assert found.is_predicted(chosen) == (chosen in felt and name not in NEEDLESS)
     assert found.force_alone.size == pytest.approx(float(none), abs=0.051)
 
