@@ -158,7 +158,7 @@ def familiar_turn(*, model: PerceptionModel) -> Diagram:
 
     def rates(x: Symbols, gravity: Symbols, rate: Symbols) -> Symbols:
         product = rate[0] * rate[2]
-        share = sym.max(0, -product) / (sym.abs(product) + least)
+        share = sym.max(sym.Expression(0), -product) / (sym.abs(product) + least)
         return np.array([model.turn_gain * share * rate[0] - x[0] / model.turn_time])
 
     return symbolic_law(
