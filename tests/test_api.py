@@ -153,6 +153,29 @@ def test_wide_tables_fit_the_terminal_and_lose_nothing():
         assert [cell for part in cells for cell in part[2:]] == row[2:]
 
 
+@pytest.mark.parametrize(
+    ("header", "rows", "keys", "expected"),
+    [
+        (  # turned, as there are fewer joints than quantities
+            ["joint", *(f"value {k}" for k in range(5))],
+            [["roll", *"12345"], ["yaw", *"67890"]], 1,
+            ["joint    roll  yaw", "value 0     1    6", "value 1     2    7"],
+        ),
+        (["part", "a", "b"], [["p", "0.1 (0.2)", "0.3 (0.4)"], ["q", "0", "0"]], 1,
+         ["part      a      b", "p       0.1    0.3", "      (0.2)  (0.4)"]),
+        (["controller", "joint", "error"], [["p_pi", "roll", "1"], ["", "yaw", "2"]], 2,
+         ["controller,", "joint        error", "p_pi", "  roll           1", "  yaw            2"]),
+    ],
+)  # fmt: skip
+def test_wide_table_is_turned_or_broken_before_it_is_cut(header, rows, keys, expected):
+    lines = aligned(header, rows, keys, 20)
+    assert lines[: len(expected)] == expected and "" not in lines
+
+
+def test_numbers_of_rounding_errors_are_zero():
+    assert [formatted(x, ".2g") for x in (4.9e-24, -4.9e-24, 2e-12)] == ["0", "0", "2e-12"]
+
+
 def test_results_become_pandas_tables(short, run):
     pytest.importorskip("pandas")
     table = run.to_pandas()

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sdt_drake.cli import COMMANDS
 from sdt_drake.cli.app import commands, main
 from sdt_drake.cli.docs import pages
 from sdt_drake.motion import Motion
@@ -112,6 +113,10 @@ def test_commands_run_in_their_order_in_an_empty_folder(
             printed = printed.replace(old, new)
         if target:
             Path(target.strip()).write_text(printed, encoding="utf-8")
+
+
+def test_readme_counts_the_commands():
+    assert f"lists all {len(COMMANDS)} commands" in TEXTS["README.md"]
 
 
 @pytest.mark.parametrize("page", TEXTS)

@@ -34,6 +34,7 @@ EXAMPLES = {
     "motors": "sdt_drake/cli/starter/motors.yaml",
     "drives": "models/drives.yaml",
     "stops": "models/stops.yaml",
+    "acceptance": "models/acceptance.yaml",
     "perception": "models/perception/clark2019.yaml",
     "study": "sdt_drake/cli/starter/study.yaml",
     "sizing": "models/studies/sizing.yaml",

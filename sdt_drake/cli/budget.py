@@ -11,7 +11,7 @@ from sdt_drake.io.results import RESULT_TABLES, Results
 
 if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
-from sdt_drake.io.shown import numbered
+from sdt_drake.io.shown import formatted, numbered
 
 
 def run(
@@ -51,7 +51,8 @@ def run(
     echo("The parts add up to the whole at every instant, but their RMS and largest values do not.")
 
     def size(error: "Array") -> str:
-        return f"{np.sqrt(np.mean(error**2)):.2g} ({np.abs(error).max():.2g})"
+        rms, most = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+        return f"{formatted(rms, '.2g')} ({formatted(most, '.2g')})"
 
     print_table(
         ("part", *numbered(names)),

@@ -8,7 +8,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Given, Integer, OutFolder, Scenario, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.shown import numbered
+from sdt_drake.io.shown import formatted, numbered
 
 
 def run(
@@ -83,7 +83,10 @@ def run(
     )
     print_table(
         ("from", *(f"{name} [deg]" for name in names)),
-        [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in runs],
+        [
+            (x.source, *(formatted(error, ".2g") for error in np.degrees(x.position_error)))
+            for x in runs
+        ],
     )
     echo(
         f"cam.csv has up to {cam_points} points; the cubics between them are within "

@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from sdt_drake.io.shown import aligned, by_joint
+from sdt_drake.io.shown import aligned, by_joint, fitting, terminal_width
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -27,7 +27,7 @@ _MIN_WIDTH, _MAX_WIDTH = 20, 500  # characters; rich never ends a line of 0, 1 o
 
 def line_width() -> int:
     """Return the width of the terminal, or $COLUMNS, within 20 to 500 characters."""
-    return min(max(shutil.get_terminal_size().columns, _MIN_WIDTH), _MAX_WIDTH)
+    return min(max(terminal_width(), _MIN_WIDTH), _MAX_WIDTH)
 
 
 class _Console(Console):
@@ -131,6 +131,7 @@ def echo_wrapped(text: str, first: str = "", rest: str = "  ", width: int = 96) 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1) -> None:
     """Print aligned columns, no wider than the terminal; see `aligned`."""
+    header, rows = fitting(header, rows, keys)
     for k, block in enumerate("\n".join(aligned(header, rows, keys)).split("\n\n")):
         if k:
             echo()

@@ -10,6 +10,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Given, Integer, OmegaR, Out, Show, number, one_of
 from sdt_drake.cli.printing import echo, print_table
 from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
+from sdt_drake.io.shown import formatted
 from sdt_drake.paper.published import OMEGA_R, table1
 
 
@@ -120,7 +121,7 @@ def _axis(
     )
     for name, value in metrics.items():
         label = name.removesuffix("_percent").replace("_", " ")
-        echo(f"{label:20s} {value:.5g} {UNITS[name]}")
+        echo(f"{label:20s} {formatted(value, '.5g')} {UNITS[name]}")
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
     about = {"setpoint_weight": setpoint_weight, **about, **metrics}
     results = Results(about, {"time": step.time, "v": step.speed})

@@ -8,23 +8,31 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Given, Integer, Out, Target, Trust, one_of
+from sdt_drake.cli.common import Given, Integer, Out, Target, Trust, number, one_of
 from sdt_drake.cli.printing import bar, echo, errors, print_document_table, print_table
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.shown import duration
 
 if TYPE_CHECKING:
     from sdt_drake.run.scenario import Scenario
+    from sdt_drake.studies.job import Job
     from sdt_drake.studies.study import Study
     from sdt_drake.studies.table import StudyTable
 
 FAILED = 1
 """Exit code if runs failed and left the study without an answer."""
 
+_FEW = 10
+"""Runs that start without an estimate of their time, which costs a run."""
+
 Workers = Annotated[
     Integer | None, Parameter(metavar="N", help="processes on this machine (default: 1)")
 ]
 Cluster = Annotated[
     str | None, Parameter(metavar="ADDRESS", help="address of a Dask scheduler, tcp://HOST:8786")
+]
+Quick = Annotated[
+    bool, Parameter(show_default=False, help="a first look: fewer runs, speeds to 0.01 rad/s")
 ]
 Resume = Annotated[bool, Parameter(show_default=False, help="finish the study in the folder")]
 
@@ -39,6 +47,8 @@ def run(
     workers: Workers = None,
     cluster: Cluster = None,
     resume: Resume = False,
+    draws: Annotated[Integer | None, number(gte=1)] = None,
+    quick: Quick = False,
     given: Given = Given(),
 ) -> int:
     """Run many variants of a scenario.
@@ -48,14 +58,17 @@ def run(
     Args:
         study: shipped name or .yaml file of a study
         out: folder for the study (default: its name)
+        draws: number of draws of the random variables (default: that of the file)
+        quick: a first look: at most two draws, speeds to 0.01 rad/s
     """
 
     from sdt_drake.studies.results import read_study_table
-    from sdt_drake.studies.study import load_study
+    from sdt_drake.studies.study import load_study, shortened
     from sdt_drake.studies.table import ANSWERS
 
     loaded, base = load_study(study, dict(given.changes))
-    folder = out or Path(loaded.name)
+    loaded = shortened(loaded, draws, quick=quick)
+    folder = out or Path(loaded.name + "_quick" * quick)
     results = run_into(folder, loaded, base, workers, cluster, resume)
     table = read_study_table(folder)
     echo(study_summary(loaded.name, table))
@@ -91,14 +104,15 @@ def run_into(
             "has no effect with --cluster, whose processes run the study", workers=workers
         )
     common.check_folder(folder)
+    job = make_job(study, base)
     try:
         return run_study(
-            make_job(study, base),
+            job,
             folder,
             workers=1 if workers is None else workers,
             cluster=cluster,
             resume=resume,
-            report=Progress(),
+            report=Progress(job, None if cluster else workers or 1),
         )
     except KeyboardInterrupt:
         bar.end()
@@ -111,14 +125,34 @@ def run_into(
 class Progress:
     """The progress of a study: a bar on a terminal, a few lines elsewhere."""
 
-    def __init__(self) -> None:
-        self._start = time.monotonic()
+    def __init__(self, job: "Job", workers: int | None) -> None:
+        """Make the progress of a study on `workers` processes; None for those of a cluster."""
+        self._job, self._workers = job, workers
         self._said = -1
 
+    def _begin(self, left: int) -> None:
+        """Print the number of runs and, of more than a few, about how long they take."""
+        from sdt_drake.studies.runs import Runner
+
+        text = f"{self._job.study.name}: {left} run{'s' * (left != 1)}"
+        if left > _FEW:
+            start = time.perf_counter()
+            Runner(self._job.study, self._job.base).run(0)
+            whole = (time.perf_counter() - start) * left
+            if self._workers is None:
+                text += f", about {duration(whole)} of computing"
+            else:
+                text += f", about {duration(whole / self._workers)} with {self._workers} at once"
+        echo(text)
+        self._start = time.monotonic()
+
     def __call__(self, done: int, before: int, count: int) -> None:
+        if self._said == -1:
+            self._begin(count - before)
         text = f"{done} of {count} runs"
         if new := done - before:
-            text += f", {new / (time.monotonic() - self._start):.3g} per second"
+            pace = new / (time.monotonic() - self._start)
+            text += f", {pace:.3g} per second, {duration((count - done) / pace)} left"
         tenth = 10 * done // count
         if not errors.is_terminal and tenth != self._said:
             echo(text)

@@ -1,11 +1,13 @@
 """Short views of objects: one line, a printed table, or a table in a notebook."""
 
 import math
+import os
 import pkgutil
 import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -98,8 +100,27 @@ def numbered(names: Sequence[str]) -> list[str]:
     return [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
 
 
+_ROUNDING = 1e-12
+
+
+def duration(seconds: float) -> str:
+    """Return a time of waiting as text.
+
+    >>> duration(0.4), duration(42.2), duration(500), duration(9000)
+    ('1 s', '42 s', '8 min', '2.5 h')
+    """
+    if seconds < 100:
+        return f"{max(1, round(seconds))} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
 def formatted(value: Any, spec: str) -> str:
-    """Format a number, with a dash for NaN, ∞ for infinity, and 0.0 for -0.0."""
+    """Format a number, with a dash for NaN, ∞ for infinity, and 0.0 for -0.0.
+
+    Numbers below 1e-12 are rounding errors of computed ones, in any unit used here, and become 0.
+    """
+    if isinstance(value, float) and abs(value) < _ROUNDING:
+        value = 0.0
     text = format(value, spec).replace("nan", "–").replace("inf", "∞")
     return re.sub(r"^-(?=0[.0]*$)", "", text)
 
@@ -140,11 +161,12 @@ def aligned(
     """Format a table: first column left-aligned, others right-aligned.
 
     A table wider than `width` (by default the terminal, or 80 characters) gets headers of several
-    lines. If it is still too wide, its columns are split into blocks, which repeat the first `keys`
-    columns.
+    lines. If it is still too wide, it is turned, or its cells get several lines, as `fitting` does.
+    Else its columns are split into blocks, which repeat the first `keys` columns.
     """
     if not header:
         return []
+    header, rows = fitting(header, rows, keys, width)
     columns = [list(column) for column in zip(header, *rows, strict=True)]
     blocks, width = [columns], width or terminal_width()
     if _width(columns) > width:
@@ -156,8 +178,62 @@ def aligned(
     return lines
 
 
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]
+
+
+def fitting(
+    header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1, width: int = 0
+) -> Table:
+    """Return header and rows of a table that fits into `width`, if there is one.
+
+    Where only that helps, rows become columns, cells get several lines, or the first of two keys
+    stands above the second.
+    """
+    width = width or terminal_width()
+    turned, *others = zip(header, *rows, strict=True)
+    tables: list[Table] = [(turned, others)]
+    if keys == 2:
+        tables = [_with_one_key(header, rows)]
+    elif rows:
+        tables += [(x, _broken(x, cells, width)) for x, cells in ((header, rows), *tables)]
+    fits = [table for table in tables if _least(*table) <= width]
+    if _least(header, rows) <= width or not fits:
+        return header, rows
+    return min(fits, key=lambda table: len(table[1]))
+
+
+def _with_one_key(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Return a table whose first key, where there is one, stands in a row of its own."""
+    lines: list[list[str]] = []
+    for first, second, *cells in rows:
+        lines += [[first, *[""] * len(cells)]] * bool(first)
+        lines.append([f"  {second}", *cells])
+    return [", ".join(header[:2]), *header[2:]], lines
+
+
+def _broken(
+    header: Sequence[str], rows: Sequence[Sequence[str]], width: int
+) -> list[tuple[str, ...]]:
+    """Break cells behind the first column into lines at words; all columns share `width`."""
+    first = max((len(row[0]) for row in rows), default=0)
+    share = max((width - first) // max(len(header) - 1, 1) - 2, 1)
+    lines: list[tuple[str, ...]] = []
+    for name, *cells in rows:
+        wrapped = [textwrap.wrap(cell, share, break_long_words=False) or [""] for cell in cells]
+        lines += zip_longest([name], *wrapped, fillvalue="")
+    return lines
+
+
+def _least(header: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
+    """Return the width of a table whose headers have several lines."""
+    return _width(_stacked([list(column) for column in zip(header, *rows, strict=True)]))
+
+
 def terminal_width() -> int:
-    """Return the width of the terminal, $COLUMNS, or 80 [characters]."""
+    """Return $COLUMNS, or the width of the terminal behind stdout or stderr, or 80 [characters]."""
+    for number in (1, 2):  # stdout may be a pipe
+        if not os.environ.get("COLUMNS") and os.isatty(number):
+            return os.get_terminal_size(number).columns
     return shutil.get_terminal_size().columns
 
 

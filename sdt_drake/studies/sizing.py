@@ -21,7 +21,7 @@ from sdt_drake.robot.motors import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, List
 from sdt_drake.studies.fields import check_changes
-from sdt_drake.studies.study import Study, Variable
+from sdt_drake.studies.study import QUICK_ACCURACY, Study, Variable
 
 
 @dataclass(frozen=True)
@@ -241,6 +241,16 @@ def load_sizing(
         fields.check_joints(base, "", sizing.n)
         sizing.study().validate(base)
     return sizing, base
+
+
+def first_look(sizing: Sizing) -> Sizing:
+    """Return a sizing for its first motion and controller alone, with the coarsest accuracy."""
+    return replace(
+        sizing,
+        motions=sizing.motions[:1],
+        controllers=sizing.controllers[:1],
+        accuracy=QUICK_ACCURACY,
+    )
 
 
 def short_name(motion: str) -> str:

@@ -3,7 +3,7 @@
 import math
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -32,6 +32,8 @@ from sdt_drake.studies.fields import Field, Value, check_changes, find_field
 from sdt_drake.studies.table import is_column
 
 _MAX_INTEGER = 2**64 - 1
+QUICK_ACCURACY = 0.01
+"""Accuracy of simulated speeds in a quick study [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -277,6 +279,24 @@ class Study(Input):
         for variable in self.variables:
             changes |= variable.changes(base, inputs[variable.name])
         return changes
+
+
+def shortened(study: Study, draws: int | None = None, *, quick: bool = False) -> Study:
+    """Return a study with another number of draws.
+
+    `quick` leaves at most two draws and the coarsest accuracy, for a first look.
+
+    Raises:
+        InputError: if no variable is random, so that nothing is drawn.
+    """
+    changes: dict[str, Any] = {}
+    if quick:
+        changes = {"draws": min(study.draws, 2), "accuracy": QUICK_ACCURACY}
+    if draws is not None:
+        changes["draws"] = draws
+    short = replace(study, **changes)
+    object.__setattr__(short, "folder", study.folder)
+    return short
 
 
 def load_study(

@@ -99,7 +99,7 @@ def plain(text: str, folder) -> str:
     """Without places, ports and times."""
     text = re.sub(r"localhost:\d+", "localhost:PORT", text.replace(str(folder), "FOLDER"))
     text = re.sub(r"\S*/models/schemas", "MODELS/schemas", text)
-    text = re.sub(r", \S+ per second", "", text)
+    text = re.sub(r", \S+ per second(, \S+ \S+ left)?", "", text)
     return re.sub(r"[ \t]+$", "", text, flags=re.M)
 
 

@@ -27,9 +27,10 @@ VALUES = {
     "--format": "svg", "--g-weight": "2", "--held-out": "0.2", "--idle-g": "1.2",
     "--inertia": "2", "--input": "extra_load_torque", "--joint": "2", "--knot": "0.5",
     "--margin": "0.5", "--noise": "0.02", "--of": "torque", "--omega-r": "30", "--once": "",
-    "--only": "friction", "--period": "0.01", "--paper": "", "--pilot": "", "--pilots": "7",
+    "--only": "friction", "--paper": "", "--period": "0.01", "--pilot": "", "--pilots": "7",
     "--port": "7100", "--ports": "",
-    "--print": "", "--rate": "2", "--resume": "", "--row": "1", "--show": "", "--side": "motor",
+    "--print": "", "--quick": "", "--rate": "2", "--resume": "", "--row": "1", "--show": "",
+    "--side": "motor",
     "--size": "0.01", "--setpoint-weight": "1", "--time": "0.25", "--torque-margin": "0.1",
     "--workers": "2", "--zeta": "1 1 1 1",
 }  # fmt: skip

@@ -6,15 +6,20 @@ import re
 import shutil
 import sqlite3
 import sys
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers.small_studies import rows
 
 from sdt_drake.cli.app import main
+from sdt_drake.cli.study import Progress
 from sdt_drake.run.recording import Recording
 from sdt_drake.studies.results import read_study_table, write_results
+from sdt_drake.studies.sizing import first_look, load_sizing
 from sdt_drake.studies.store import DATABASE, Store
+from sdt_drake.studies.study import load_study, shortened
 
 
 def change(folder, statement, *values):
@@ -110,6 +115,35 @@ def test_finished_study_is_shown_and_repeated_without_database(
     assert main(["study", "show", f"{copied}"]) == 0
     assert main(["study", "repeat", f"{copied}", "--row", "5"]) == 0
     assert ("run with package 0.3.0" in capfd.readouterr().out) == (version == "0.3")
+
+
+# --- how long it takes -------------------------------------------------------------------------
+
+
+def test_fewer_draws_are_the_first_of_the_study_and_a_quick_look_has_two():
+    study = replace(load_study("monte_carlo")[0], sampling="random")
+    for short, draws in ((shortened(study, 3), 3), (shortened(study, quick=True), 2)):
+        assert len(short) == draws * study.per_draw and short.folder == study.folder
+        assert all(short.inputs(row) == study.inputs(row) for row in range(len(short)))
+    quick = first_look(load_sizing("sizing")[0])
+    assert (len(quick.motions), len(quick.controllers), quick.accuracy) == (1, 1, 0.01)
+
+
+def test_study_tells_its_runs_and_their_time_before_and_while_it_runs(monkeypatch, capfd):
+    """One run takes 3 s, 40 of them on two processes a minute; 20 are done after 10 s."""
+    clock = SimpleNamespace(
+        perf_counter=iter([0.0, 3.0]).__next__, monotonic=iter([0.0, 10.0]).__next__
+    )
+    monkeypatch.setattr("sdt_drake.cli.study.time", clock)
+    runner = SimpleNamespace(run=lambda row: None)
+    monkeypatch.setattr("sdt_drake.studies.runs.Runner", lambda *_: runner)
+    progress = Progress(SimpleNamespace(study=SimpleNamespace(name="many"), base=None), 2)
+    progress(0, 0, 40)
+    progress(20, 0, 40)
+    assert capfd.readouterr().out.splitlines() == [
+        "many: 40 runs, about 60 s with 2 at once", "0 of 40 runs",
+        "20 of 40 runs, 2 per second, 10 s left",
+    ]  # fmt: skip
 
 
 # --- results ---------------------------------------------------------------------------------
