@@ -75,6 +75,7 @@ def cleaned(robot: ET.Element, file: Path) -> list[str]:
         for text in (offset.text or "" for offset in transmission.iter("offset"))
         if text.strip().strip("0.")
     ]
+    sentences += _positive_reductions(robot)
     left: dict[str, list[str]] = defaultdict(list)
     problems: list[Problem] = []
     _clean(robot, "/robot", f"{file}", "the robot", left, problems)
@@ -87,6 +88,21 @@ def cleaned(robot: ET.Element, file: Path) -> list[str]:
     _remove_spare_transmissions(robot, left)
     raise_all(problems)
     return [*_told(left), *sentences, *make_distinct(robot)]
+
+
+def _positive_reductions(robot: ET.Element) -> list[str]:
+    """Remove signs of reductions of motors of one joint, in place; return one sentence each."""
+    sentences = []
+    for transmission in robot.findall("transmission"):
+        for reduction in transmission.iter("mechanicalReduction"):
+            text = (reduction.text or "").strip()
+            if text.startswith("-") and len(transmission.findall("joint")) == 1:
+                reduction.text = text.removeprefix("-")
+                sentences.append(
+                    f"transmission '{transmission.get('name')}': the sign of <mechanicalReduction> "
+                    f"{text[:40]} is ignored: motors turn with their joints here"
+                )
+    return sentences
 
 
 def refuse_xacro(root: ET.Element, file: Path) -> None:

@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError, Problem, gathering, raise_all
+from sdt_drake.io.shown import listed
 from sdt_drake.robot.coupling import TURNS_WITH
 
 _TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "fixed"}
@@ -27,10 +28,8 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
     """
     problems: list[Problem] = []
     sdf = ET.Element("sdf", version="1.9")
-    model = ET.SubElement(sdf, "model", name=robot.get("name", ""))
-    motors: dict[str, list[ET.Element]] = {}
-    with gathering(problems):
-        motors = _motors(robot, file)
+    model = ET.SubElement(sdf, "model", name=robot.get("name") or file.stem)
+    motors = _motors(robot, file, problems)
     inboard = {_end(joint, "child"): joint for joint in robot.findall("joint")}
     links = robot.findall("link")
     names = [link.get("name", "") for link in links]
@@ -50,6 +49,11 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
                 raise InputError(f"{where}: <inertial> would have no effect; remove it")
     for joint in robot.findall("joint"):
         where = f"{file}: joint '{joint.get('name')}'"
+        problems += [
+            Problem(f"{where}: {which} link '{end[:40]}' is not there")
+            for which in ("parent", "child")
+            if (end := _end(joint, which)) not in names
+        ]
         with gathering(problems):
             _add_joint(model, joint, motors.pop(joint.get("name", ""), []), where)
     problems += [
@@ -67,40 +71,59 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
     return sdf, without
 
 
-def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
+def _motors(robot: ET.Element, file: Path, problems: list[Problem]) -> dict[str, list[ET.Element]]:
     """Return rotor inertia, gear ratio and coupling as elements of SDF, by moving joint."""
     motors: dict[str, list[ET.Element]] = {}
     still = {joint.get("name") for joint in robot.findall("joint") if joint.get("type") == "fixed"}
     for transmission in robot.findall("transmission"):
-        if {joint.get("name") for joint in transmission.findall("joint")} <= still:
+        names = {joint.get("name", "") for joint in transmission.findall("joint")}
+        if names <= still:
             continue
         where = f"{file}: transmission '{transmission.get('name')}'"
-        kind = (transmission.get("type") or transmission.findtext("type") or "").strip()
-        size = next((n for name, n in _TRANSMISSIONS.items() if kind.endswith(name)), 0)
-        if not size:
-            raise InputError(f"{where}: type '{kind[:40]}', expected {' or '.join(_TRANSMISSIONS)}")
-        joints, actuators = transmission.findall("joint"), transmission.findall("actuator")
-        names = [joint.get("name", "") for joint in joints]
-        if not len(joints) == len(actuators) == size or any(name in motors for name in names):
-            each = "one joint, one actuator, and no other on the joint"
-            raise InputError(f"{where}: expected {each if size == 1 else each.replace('one', '2')}")
-        for name, actuator in zip(names, actuators, strict=True):
-            own = [e for e in actuator if e.tag.startswith(("drake:", "sdt:"))]
-            motors[name] = [_leaf(e.tag, e.get("value"), e.get("joint")) for e in own]
-        if size == 1:
-            for reduction in transmission.iter("mechanicalReduction"):
-                text = (reduction.text or "").strip()
-                if text not in ("1", "1.0"):  # otherwise <drake:gear_ratio> counts, if any
-                    motors[names[0]].append(_leaf("drake:gear_ratio", text))
-        else:
-            ratios = [_reduction(part, where) for part in (*joints, *actuators)]
-            # The motors turn n_1 (r_1 v_1 + r_2 v_2) and n_2 (r_1 v_1 - r_2 v_2) in ROS. The sign
-            # of a motor that turns against its joint is reversed.
-            r_1, r_2, n_1, n_2 = ratios
-            for k, (turns, other) in enumerate(((n_1 * r_1, n_1 * r_2), (-n_2 * r_2, n_2 * r_1))):
-                other = other if turns > 0 else -other
-                motors[names[k]].append(_leaf("drake:gear_ratio", repr(abs(turns))))
-                motors[names[k]].append(_leaf(TURNS_WITH, repr(other), names[1 - k]))
+        with gathering(problems):
+            if names & motors.keys():
+                raise InputError(f"{where}: expected no other on {listed(sorted(names))}")
+            motors |= _driven(transmission, where)
+    return {
+        name: [part for part in parts if part.tag != TURNS_WITH or part.get("joint") not in still]
+        for name, parts in motors.items()
+        if name not in still
+    }
+
+
+def _driven(transmission: ET.Element, where: str) -> dict[str, list[ET.Element]]:
+    """Return the elements of SDF for the motors of a transmission, by joint."""
+    kind = (transmission.get("type") or transmission.findtext("type") or "").strip()
+    size = next((n for name, n in _TRANSMISSIONS.items() if kind.endswith(name)), 0)
+    if not size:
+        raise InputError(f"{where}: type '{kind[:40]}', expected {' or '.join(_TRANSMISSIONS)}")
+    joints, actuators = transmission.findall("joint"), transmission.findall("actuator")
+    names = [joint.get("name", "") for joint in joints]
+    if not len(joints) == len(actuators) == size:
+        count = "one" if size == 1 else "2"
+        raise InputError(f"{where}: expected {count} joint, {count} actuator")
+    motors = {
+        name: [
+            _leaf(own.tag, own.get("value"), own.get("joint"))
+            for own in actuator
+            if own.tag.startswith(("drake:", "sdt:"))
+        ]
+        for name, actuator in zip(names, actuators, strict=True)
+    }
+    if size == 1:
+        for reduction in transmission.iter("mechanicalReduction"):
+            text = (reduction.text or "").strip()
+            if text not in ("1", "1.0"):  # otherwise <drake:gear_ratio> counts, if any
+                motors[names[0]].append(_leaf("drake:gear_ratio", text))
+        return motors
+    ratios = [_reduction(part, where) for part in (*joints, *actuators)]
+    # The motors turn n_1 (r_1 v_1 + r_2 v_2) and n_2 (r_1 v_1 - r_2 v_2) in ROS. The sign
+    # of a motor that turns against its joint is reversed.
+    r_1, r_2, n_1, n_2 = ratios
+    for k, (turns, other) in enumerate(((n_1 * r_1, n_1 * r_2), (-n_2 * r_2, n_2 * r_1))):
+        other = other if turns > 0 else -other
+        motors[names[k]].append(_leaf("drake:gear_ratio", repr(abs(turns))))
+        motors[names[k]].append(_leaf(TURNS_WITH, repr(other), names[1 - k]))
     return motors
 
 

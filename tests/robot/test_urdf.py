@@ -10,12 +10,14 @@ from sdt_drake.robot.deviation import Deviation, deviated
 _SHOULDER, _ELBOW, _LOWER = "joint 'shoulder'.*", "joint 'elbow'.*", "link 'lower': "
 _LOWER_BODY = URDF[URDF.rindex("<inertial>") : URDF.rindex("</link>")]
 _BASE, _END = '<link name="base"/>', "</robot>"
+_WORLD = f'{_BASE}<link name="world">{_LOWER_BODY}</link><joint name="w" type="fixed">'
+_WORLD += '<parent link="world"/><child link="base"/></joint>'
 _SECOND = URDF[URDF.index("<transmission") : URDF.index("<gazebo")].replace("drive", "second")
 
 # A row for each refusal of the conversion, in the order of its file.
 BAD = [
     (_BASE, _BASE + '<link name="b"/>', "2 links that no joint carries, expected one"),
-    (_BASE, f'<link name="world">{_LOWER_BODY}</link>', "link 'world': <inertial> would have no"),
+    (_BASE, _WORLD, "link 'world': <inertial> would have no effect; remove it"),
     ('<joint name="shoulder"><', '<joint name="knee"><', "joint 'knee', which is not there"),
     ("rotor_inertia", "rotor_intertia", "actuator 'motor': <drake:rotor_intertia> in <actuator>"),
     ("<dynamics", '<mimic joint="elbow"/><dynamics', "'shoulder' follows 'elbow' by <mimic>, exp"),
@@ -23,8 +25,10 @@ BAD = [
     ('xyz="0.3 0 0"', 'xyz="0.3 0 0" quat="1 0 0 0"', _LOWER + "quat of <origin> is not support"),
     ("<dynamics", '<dynamics damping="1"/><dynamics', _SHOULDER + "<dynamics> more than once in"),
     ("SimpleTrans", "FourBarTrans", "transmission 'drive': type 'transmission_interface/FourBar"),
-    ("SimpleTrans", "DifferentialTrans", "expected 2 joint, 2 actuator, and no other on the joi"),
-    (_END, _SECOND + _END, "transmission 'second': expected one joint, one actuator, and no other"),
+    ("SimpleTrans", "DifferentialTrans", "'drive': expected 2 joint, 2 actuator"),
+    ("<actuator ", '<actuator name="a"/><actuator ', "'drive': expected one joint, one actuator"),
+    (_END, _SECOND + _END, "transmission 'second': expected no other on shoulder"),
+    ('<parent link="upper"/>', '<parent link="uper"/>', _ELBOW + "parent link 'uper' is not there"),
     ('"continuous"', '"prismatic"', "joint 'elbow' is prismatic, expected revolute or continuous"),
     ('<limit effort="40"/>', '<limit effort="40" lower="1"/>', _ELBOW + "lower and upper, or type"),
     ('lower="-2" ', "", _SHOULDER + "lower and upper, or type continuous and neither"),
@@ -89,3 +93,24 @@ def test_massless_link_leaves_the_mass_matrix_of_the_others():
     elbow = r"joint 'elbow': inertia about its axis 0 kg m².* 'shoulder' is 2\.5 kg"
     lower = ARM[ARM.rindex("<mass>") : ARM.rindex("</inertial>")]
     refused(ARM, lower, none, elbow)
+
+
+def test_sign_of_a_reduction_and_a_missing_name_are_no_problem():
+    robot = loaded(URDF.replace(">10<", ">-10<").replace(' name="arm"', ""), ".urdf")
+    assert robot.name == robot.path.stem and robot.gear_ratio[0] == 10
+    assert robot.accepted == (
+        "transmission 'drive': the sign of <mechanicalReduction> -10 is ignored: motors turn with "
+        "their joints here",
+    )
+
+
+def test_differential_with_a_held_joint_drives_the_other_alone():
+    """ROS: motor 1 turns 2 (3 v_1 + 5 v_2), of which v_2 is 0."""
+    part = '<{0} name="{1}"><mechanicalReduction>{2}</mechanicalReduction></{0}>'
+    parts = [("joint", "shoulder", 3), ("joint", "elbow", 5), ("actuator", "a", 2)]
+    inner = "".join(part.format(*each) for each in (*parts, ("actuator", "b", 7)))
+    kind = "<type>transmission_interface/DifferentialTransmission</type>"
+    start, end = URDF.index("<transmission"), URDF.index("</transmission>")
+    text = f'{URDF[:start]}<transmission name="wrist">{kind}{inner}{URDF[end:]}'
+    robot = loaded(text, ".urdf", hold="elbow")
+    assert robot.coupling.tolist() == [[6]] and robot.joint_names == ("shoulder",)
