@@ -1,8 +1,11 @@
 """Held joints: the robot with them welded is the whole robot with them at rest where they stand."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers.robots import SIX, URDF, chain_names, chain_sdf, loaded
+from oracles.pinocchio_model import urdf_torque
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.dynamics import torque_groups
@@ -104,3 +107,15 @@ def test_branches_are_cut_to_the_chain_that_ends_at_the_tip():
         loaded(text, ".urdf")
     robot = loaded(text, ".urdf", tip="other")
     assert robot.joint_names == ("shoulder", "knee") and dict(robot.held) == {"elbow": 0}
+
+
+@pytest.mark.parametrize(("what", "left", "right"), HOLDS)
+def test_arm_with_held_fingers_is_that_of_pinocchios_reader(what, left, right):
+    text = re.sub(
+        '(<inertia [^/]*iyy="[^"]*" izz="[^"]*")/>', r'\1 ixy="0" ixz="0" iyz="0"/>', GRIPPER
+    )
+    text = text.replace('<limit effort="40"/>', '<limit effort="40" velocity="9"/>')
+    robot = loaded(text, ".urdf", **what)
+    q, v, vd = np.random.default_rng(3).uniform(-1, 1, (3, 4, 2))
+    torque = torque_groups(robot, q, v, vd).total - robot.damping * v
+    np.testing.assert_allclose(torque, urdf_torque(robot, q, v, vd), rtol=1e-9, atol=1e-9)
