@@ -25,6 +25,7 @@ EXPECTED = {
     "speeds_late": ("late speeds", ""),
     "clock": ("clock", ""),
     "degrees": ("degrees", "angle: deg"),
+    "of_motors": ("degrees", "position_side: motor"),
     "torque_late": ("late torques", ""),
     "torque_of_one_late": ("residual", "joint 2: "),
     "kilo": ("unit", "in kN m"),

@@ -289,6 +289,11 @@ def degrees(x: Truth, rng: np.random.Generator) -> Recorded:
     return replace(x.recorded, signals={"q": np.degrees(signals["q"]), "tau": signals["tau"]})
 
 
+def of_motors(x: Truth, rng: np.random.Generator) -> Recorded:
+    """Positions of the motors, no speeds."""
+    return changed(x.recorded, q=x.robot.of_motors(x.recorded.signals["q"]))
+
+
 def scaled(factor: float) -> Fault:
     """All torques in another unit."""
     return lambda x, rng: changed(x.recorded, tau=factor * x.recorded.signals["tau"])

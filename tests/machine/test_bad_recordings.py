@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers import simulated_recordings as simulated
 from helpers.known_truth import changed, motion, recorded_of
+from helpers.robots import chain_sdf, loaded
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.finding import Finding
@@ -14,6 +15,7 @@ from sdt_drake.machine.diagnose.fit import driving
 from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.identify.filtering import smooth, stretches
 from sdt_drake.machine.identify.procedure import identify
+from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.show.reports.identification import friction_table
 
@@ -91,6 +93,7 @@ FAULTS = {
     "speeds_late": ("late speeds", "v: ", "v: []"),
     "clock": ("clock", "time: ", "time_factor: 2"),
     "degrees": ("degrees", "joint ", "angle: deg"),
+    "of_motors": ("degrees", "joint ", "position_side: motor"),
 }
 
 
@@ -111,6 +114,42 @@ def test_recording_fault_is_named_with_columns_to_write(arm, fault):
     assert {x.kind for x in said} == {kind}
     assert said[0].sentence.startswith(begin) and said[0].remedy.startswith(remedy)
     assert bool(remedy) == (" in the mapping file)" in str(said[0])) and said[0].evidence
+
+
+MEANINGS = [  # what the file has, what its mapping says, and what is to be written
+    (np.degrees, None, {}, "angle: deg"),
+    (None, "motor", {}, "position_side: motor"),
+    (np.degrees, "motor", {}, "angle: deg, position_side: motor"),
+    (np.degrees, "motor", {"position_side": "motor"}, "angle: deg"),
+    (None, None, {"angle": "deg"}, "angle: rad"),
+    (None, None, {"position_side": "motor"}, "position_side: joint"),
+]
+
+
+@pytest.mark.parametrize("unit, side, mapping, remedy", MEANINGS)
+def test_meaning_of_positions_is_told_by_limits_and_torques(unit, side, mapping, remedy):
+    """It is never the one that the mapping has, whatever the gear ratio is."""
+    truth = simulated.truth("arm3", 2)
+    robot, q = truth.robot, truth.recorded.signals["q"]
+    q = robot.of_motors(q) if side else q
+    q = unit(q) if unit else q
+    columns = Columns(**mapping)
+    q = robot.of_joints(q) if columns.position_side == "motor" else q
+    q = np.radians(q) if columns.angle == "deg" else q
+    signals = {"q": q, "tau": truth.recorded.signals["tau"]}
+    wrong = replace(truth.recorded, signals=signals, columns=columns)
+    (one,) = found(truth, wrong)
+    assert (one.kind, one.remedy) == ("degrees", remedy)
+
+
+def test_a_gear_of_1_is_no_reason_for_positions_or_speeds_of_motors():
+    robot = loaded(chain_sdf(2, motors={"gear_ratio": np.ones(2)}))
+    time = 0.01 * np.arange(1000)
+    q = np.sin(time[:, None] * [1.0, 1.7])
+    v = np.gradient(q, time, axis=0)
+    for signals in ({"q": q, "v": np.degrees(v)}, {"q": np.degrees(q), "v": np.degrees(v)}):
+        (one, *others) = check_recording(robot, Recorded(Path("r.csv"), time, signals))
+        assert "in degrees" in str(one) and "motor" not in f"{one}{others}"
 
 
 @pytest.mark.parametrize("name", simulated.ROBOTS)

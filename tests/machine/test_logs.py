@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 import yaml
+from helpers import simulated_recordings as simulated
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.recording import check_recording
@@ -135,6 +136,18 @@ def test_what_is_proposed_for_a_log_reads_it_in_the_order_of_the_joints(arm, tmp
     np.testing.assert_allclose(recorded.signals["q"], Q, atol=1e-12)
     np.testing.assert_allclose(recorded.signals["tau"], TAU, atol=1e-12)
     assert not recorded.by_names
+
+
+def test_positions_of_motors_are_proposed_by_the_torques_of_the_links(tmp_path):
+    truth, path = simulated.truth("arm3", 2), tmp_path / "log.csv"
+    q, tau = (truth.recorded.signals[x][:3000] for x in ("q", "tau"))
+    names = [f"{x}{k}" for x in ("pos", "torque") for k in (1, 2, 3)]
+    rows = np.column_stack([truth.recorded.time[:3000], truth.robot.of_motors(q), tau])
+    np.savetxt(path, rows, delimiter=",", header=",".join(["t", *names]), comments="")
+    told, columns = proposed(path, truth.robot)
+    assert "positions of the motors" in told
+    read = read_recording(path, truth.robot, columns)
+    np.testing.assert_allclose(read.signals["q"], q, atol=1e-9)
 
 
 def test_nothing_is_proposed_that_does_not_read_the_file(arm, tmp_path):

@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from sdt_drake.io.arrays import Array, Index, Mask
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.angles import beyond, other_meanings
 from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.robot import Robot
@@ -219,22 +220,22 @@ def _clipped(robot: Robot, recorded: Recorded, moves: Mask) -> Iterator[Finding]
 # --- units -----------------------------------------------------------------------------------
 
 
-def speed_limit(robot: Robot) -> Array:
-    """Return the speed limit of each joint [rad/s], shape (n,); assumed where the file has none."""
-    return np.where(np.isinf(robot.velocity_limit), c.SPEED_LIMIT, robot.velocity_limit)
-
-
 def _positions(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
-    """Check for positions in degrees, by the limits of speed and position."""
-    q = recorded.signals["q"]
-    usual = np.quantile(np.abs(np.gradient(q, recorded.time, axis=0)), 0.99, axis=0)
-    limit = speed_limit(robot)
-    stops = robot.position_upper - robot.position_lower  # inf without stops
-    over = np.flatnonzero((usual > c.BEYOND * limit) | (np.ptp(q, axis=0) > c.BEYOND * stops))
-    if len(over):
-        k = int(over[0])
-        turns = {"range_rad": float(np.ptp(q[:, k])), "speed_rad_s": float(usual[k])}
-        yield finding("degrees", (k + 1,), "angle: deg", **turns)
+    """Check for positions in another unit or of the motors."""
+    q, over = recorded.signals["q"], beyond(robot, recorded, recorded.signals["q"])
+    likely = other_meanings(robot, recorded)
+    if not (likely or over.any()):
+        return
+    k = int(over.argmax())
+    usual = float(np.quantile(np.abs(np.gradient(q[:, k], recorded.time)), 0.99))
+    turns = {"range_rad": float(np.ptp(q[:, k])), "speed_rad_s": usual}
+    if not likely:
+        yield finding("degrees/beyond", (k + 1,), **turns)
+        return
+    words = " or ".join(x.words for x in likely)
+    remedy = " or ".join(", ".join(f"{x}: {y}" for x, y in one.changes.items()) for one in likely)
+    then = float(np.ptp(likely[0].q[:, k]))
+    yield finding("degrees", (k + 1,), remedy, meaning=words, then_rad=then, **turns)
 
 
 def _speeds(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
@@ -268,9 +269,11 @@ def _speeds(robot: Robot, recorded: Recorded) -> Iterator[Finding]:
 def _reason(ratio: float, gear: float) -> str:
     """Return a reason for this ratio of a speed and the derivative of its position, or ""."""
     near = {180 / np.pi: "one of them is in degrees", np.pi / 180: "one of them is in degrees"}
-    near |= {-1.0: "one of them has the opposite sign", gear: "speeds are those of the motor"}
-    near |= {gear * 180 / np.pi: "speeds are those of the motor, in degrees"}
-    near |= {gear * 30 / np.pi: "speeds are those of the motor, in rpm"}
+    near |= {-1.0: "one of them has the opposite sign", 30 / np.pi: "speeds are in rpm"}
+    if gear != 1:
+        near |= {gear: "speeds are those of the motor"}
+        near |= {gear * 180 / np.pi: "speeds are those of the motor, in degrees"}
+        near |= {gear * 30 / np.pi: "speeds are those of the motor, in rpm"}
     return next((text for x, text in near.items() if abs(ratio / x - 1) < c.SAME_RATIO), "")
 
 

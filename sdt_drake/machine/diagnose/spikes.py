@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.diagnose import constants as c
-from sdt_drake.machine.diagnose.recording import speed_limit
+from sdt_drake.machine.diagnose.angles import speed_limit
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.robot import Robot
 

@@ -15,7 +15,9 @@ from sdt_drake.machine.recordings.columns import Columns, Layout
 from sdt_drake.machine.recordings.head import Head, read_head
 from sdt_drake.machine.recordings.joint_names import families
 
-_MAX_RADIANS = 4 * np.pi  # larger positions are in degrees
+MAX_RADIANS = 4 * np.pi
+"""Largest position of a joint [rad]; larger ones are in degrees or of motors."""
+
 _ALIKE = 0.9  # [-] correlation of a speed and the derivative of its position
 _QUANTITIES = {  # regular expressions for names; the first that fits counts
     "torque": r"torq|tau|moment|drehm|effort|\bmom\b|\bnm\b",
@@ -37,6 +39,8 @@ class Proposal:
     """The meaning as part of a sentence."""
     mapping: dict[str, Any]
     """Fields of a mapping that differ from the default."""
+    is_in_degrees: bool = True
+    """False if no name tells the unit of positions."""
 
     def after(self, error: InputError, reads: str = "") -> InputError:
         """Return an error with the proposal, and what it reads, after its first problem."""
@@ -67,8 +71,8 @@ def proposal(path: Path, joints: Sequence[str]) -> Proposal | None:
     for signal, columns in found.items():
         mapping[signal] = columns if headless else _in_short(columns)
     words = " ".join(map(head.words, found["q"]))
-    largest = max(np.nanmax(np.abs(head.columns[x]), initial=0) for x in found["q"])
-    if re.search(_DEGREES, words) or largest > _MAX_RADIANS:
+    is_degrees = bool(re.search(_DEGREES, words))
+    if is_degrees:
         mapping["angle"], units["q"] = "deg", " in degrees"
     if "tau" in found:
         words = head.words(found["tau"][0])
@@ -83,7 +87,7 @@ def proposal(path: Path, joints: Sequence[str]) -> Proposal | None:
     likely = ", ".join(f"{s}_1 is probably '{found[s][0]}'{units[s]}" for s in signals)
     likely += f"; joints by their names in {named_by}" * bool(named_by)
     likely += "; columns by number, from 1, since the file has no header" * headless
-    return Proposal(likely, mapping)
+    return Proposal(likely, mapping, is_degrees)
 
 
 def differing(mapping: Mapping[str, Any], default: Layout) -> dict[str, Any]:

@@ -99,7 +99,7 @@ def read_recording(
         signals[name] += conversions[name][1]
     factor = columns.time_factor if columns.rate is None else None
     notes = (*numbers.notes, *from_0)
-    return Recorded(numbers.path, time, signals, own, factor, by_names, notes)
+    return Recorded(numbers.path, time, signals, own, factor, columns, by_names, notes)
 
 
 def recordings_of(
@@ -136,7 +136,8 @@ def recordings_of(
 
 def _with_proposal(error: InputError, path: Path, robot: Robot, needs: Sequence[str]) -> InputError:
     """Return the error with a proposed mapping that was tried, if the file can be recognised."""
-    from sdt_drake.machine.recordings.proposal import proposal
+    from sdt_drake.machine.diagnose.angles import other_meanings
+    from sdt_drake.machine.recordings.proposal import MAX_RADIANS, Proposal, proposal
 
     if not path.is_file():
         return error
@@ -148,6 +149,13 @@ def _with_proposal(error: InputError, path: Path, robot: Robot, needs: Sequence[
             tried = replace(proposed, mapping=proposed.mapping | more)
             with suppress(InputError):
                 read = read_recording(path, robot, Columns(**tried.mapping), needs=needs)
+                largest = np.abs(read.signals["q"]).max()
+                if largest > MAX_RADIANS and not tried.is_in_degrees:
+                    angles = next(iter(other_meanings(robot, read)), None)
+                    changes = angles.changes if angles else {"angle": "deg"}
+                    words = f"{tried.words}; positions {angles.words if angles else 'in degrees'}"
+                    tried = Proposal(words, tried.mapping | changes)
+                    read = read_recording(path, robot, Columns(**tried.mapping), needs=needs)
                 return tried.after(error, f": {_in_short(read)}")
     return error
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
+from sdt_drake.machine.recordings.columns import Columns
 
 _GAP = 4.0  # length of a gap over the median step
 
@@ -27,6 +28,8 @@ class Recorded:
     """True if q and v belong to the links, as `simulate` writes them; False for encoders."""
     time_factor: float | None = 1.0
     """Assumed unit of the time column [s]; None without one."""
+    columns: Columns | None = None
+    """Mapping of its file; None for arrays."""
     by_names: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Columns of a signal in the order of the joints by the names in the file, where the mapping
     has another order."""
