@@ -21,6 +21,7 @@ HIGHER = {
     ("analysis/stability.py", "show.figures.runs:stability"),
     ("analysis/stops.py", "show.figures.stops:stops_figure"),
     ("pilot/orientation.py", "show.figures.pilot:percept"),
+    ("machine/cueing/flight.py", "machine.cueing.flight_proposal:proposal"),
     ("machine/replay.py", "show.figures.replay:replay_figure"),
     ("motion/plan.py", "show.figures.motions:plan"),
     ("motion/trajectory.py", "show.figures.runs:trajectories"),
@@ -30,7 +31,8 @@ HIGHER = {
     ("run/tuning.py", "show.figures.runs:effective_inertia"),
     ("run/recording.py", "show.figures.scope:scope"),
 }
-"""What methods call in higher layers, by place: the figures of results, and `design.linear`."""
+"""What methods call in higher layers, by place: the figures of results, `design.linear`, and the
+mapping that a refused flight proposes."""
 
 
 def test_import_contracts_hold():

@@ -17,6 +17,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Number, Positive, Problems, Values, field
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
+from sdt_drake.io.shown import higher
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.recordings.columns import Layout
 from sdt_drake.machine.recordings.places import OR_DROP, place_of
@@ -227,10 +228,9 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
 
 def _with_proposal(error: InputError, path: str | Path) -> InputError:
     """Return the error with a proposed mapping that was tried, if the file can be recognised."""
-    from sdt_drake.machine.cueing.flight_proposal import proposal
-
     with suppress(InputError):  # no such file
-        proposed = proposal(find_file(path, "flight"))
+        file = find_file(path, "flight")
+        proposed = higher("machine.cueing.flight_proposal:proposal")(file)
         return error if proposed is None else proposed.after(error)
     return error
 
