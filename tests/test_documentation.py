@@ -65,6 +65,7 @@ GIVEN = {
     "recording": [
         "init my_robot --robot my.urdf", "simulate my_robot/scenario.yaml --out log.csv",
     ],
+    "acceptance_test": ["init my_robot --robot my.urdf"],
     "learn": [
         "scenarios real_device > my_machine.yaml",
         "simulate my_machine.yaml --out run_1.csv",
@@ -82,7 +83,7 @@ def commands_of(text):
     return [(line or row).removeprefix("sdt-drake ") for line, row in found]
 
 
-OWN_TESTS = ("fly ", "reproduce ")
+OWN_TESTS = ("fly ", "reproduce ", "accept predict ")
 """Commands that take long, and have tests of their own."""
 PAGES = {
     Path(page).stem: text

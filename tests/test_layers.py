@@ -20,6 +20,7 @@ HIGHER = {
     ("analysis/loop_step.py", "show.figures.runs:loop_step"),
     ("analysis/stability.py", "show.figures.runs:stability"),
     ("analysis/stops.py", "show.figures.stops:stops_figure"),
+    ("machine/accept/results.py", "show.figures.accept:accept_figure"),
     ("pilot/orientation.py", "show.figures.pilot:percept"),
     ("machine/cueing/flight.py", "machine.cueing.flight_proposal:proposal"),
     ("machine/replay.py", "show.figures.replay:replay_figure"),

@@ -120,7 +120,6 @@ def _check(out: Path | None) -> None:
 
 
 def _deliver(accepted: "Accepted", title: str, out: Path | None) -> None:
-    from sdt_drake.show.figures.accept import accept_figure
     from sdt_drake.show.reports.accept import accept_findings, accept_tables, write_accepted
 
     for line in accept_findings(accepted):
@@ -133,4 +132,4 @@ def _deliver(accepted: "Accepted", title: str, out: Path | None) -> None:
     if out is not None and not out.suffix:
         echo(f"\n{write_accepted(accepted, title, out)} written")
         out = None
-    common.deliver(out, False, lambda: accept_figure(accepted), accepted.save)
+    common.deliver(out, False, accepted.plot, accepted.save)

@@ -29,6 +29,8 @@ _NEXT_OF_OWN = (
     ("plan motion.yaml --robot {robot}", "torques and speeds of the motors"),
     ("size sizing.yaml --workers 2 --out sizing", "sufficient motors; needs sdt_drake[study]"),
     ("stops scenario.yaml --stops stops.yaml --out stopped", "what happens if power fails"),
+    ("accept predict scenario.yaml --spec acceptance.yaml --out accepted", "an acceptance test"),
+    ("accept plan scenario.yaml --spec acceptance.yaml --drive drives.yaml", "its motions"),
     ("export scenario.yaml --drive drives.yaml --out exported", "the motion as files for drives"),
     ("excite {robot} --out excite.yaml", "a motion to identify masses and friction"),
     ("simulate scenario.yaml --out run.csv", "a simulated recording for the next command"),
@@ -50,7 +52,8 @@ def run(
 ) -> None:
     """Write a robot, a motion, motors, a scenario and a study into a folder, for you to edit.
 
-    With --robot, the files are for your own robot, with a sizing, stops, drives and columns.
+    With --robot, the files are for your own robot, with a sizing, stops, drives, columns and an
+    acceptance test.
 
     example: sdt-drake init my_trainer
 

@@ -160,6 +160,7 @@ def write_own(robot: Robot, folder: Path, place: Path) -> list[str]:
         "torque": f"{100 * _MAX_TORQUE:g}",
     }
     values: dict[str, dict[str, Any]] = {
+        "acceptance.yaml": {"pose_deg": motion.start_deg},
         "drives.yaml": {"axes": [*map(_axis, robot.motor_torque_limit)]},
         "motion.yaml": {
             "title": f"First motion of {robot.name}",

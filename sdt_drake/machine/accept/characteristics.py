@@ -227,7 +227,7 @@ def poses(off: Array) -> dict[str, Estimate]:
 def path(off: Array, along: Array) -> dict[str, Estimate]:
     """Estimate accuracy and repeatability of a path, in the manner of ISO 9283 [m].
 
-    Distances count across the path alone, so lag along it does not.
+    Distances count across the path alone, so lag along it does not. Nothing without a path.
 
     Args:
         off: position less command of N cycles at M places, shape (N, M, 3).
@@ -235,6 +235,8 @@ def path(off: Array, along: Array) -> dict[str, Estimate]:
     """
     speed = np.linalg.norm(along, axis=1)
     moves = speed > 0.05 * speed.max()
+    if not moves.any():
+        return {}
     ahead = along[moves] / speed[moves, None]
     off = off[:, moves]
     off = off - np.sum(off * ahead, axis=-1, keepdims=True) * ahead

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.io.arguments import a_path
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.accept.measured import Measured
@@ -21,6 +22,8 @@ from sdt_drake.motion import Motion
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import load_device
 from sdt_drake.run.scenario import load_scenario
+
+_MOVED = 1e-4  # rad
 
 
 def accept_judge(
@@ -92,7 +95,12 @@ def judged(
 def _matched(planned: Sequence[PlannedMotion], recorded: Recorded) -> tuple[PlannedMotion, float]:
     """Return the planned motion of a recording, and its start in the recording's time [s]."""
     q_ref = recorded.signals["q_ref"]
-    tried = [found_reference(recorded, q_ref, one.motion) for one in planned]
+    begins = _moves(recorded.time, q_ref)  # the best start of a recording that lacks the end
+    tried = [
+        min(found_reference(recorded, q_ref, one.motion, near) for near in (None, begins - start))
+        for one in planned
+        for start in [_moves(one.motion.time, one.motion.q)]
+    ]
     i = int(np.argmin([off for off, _ in tried]))
     off, shift = tried[i]
     if off > c.MAX_REFERENCE_ERROR:
@@ -103,3 +111,8 @@ def _matched(planned: Sequence[PlannedMotion], recorded: Recorded) -> tuple[Plan
             "the order of the joints and the units"
         )
     return planned[i], shift
+
+
+def _moves(time: Array, q: Array) -> float:
+    """Return the time at which positions begin to move [s]."""
+    return float(time[np.argmax(np.abs(q - q[0]).max(axis=1) > _MOVED)])

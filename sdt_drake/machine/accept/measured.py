@@ -162,7 +162,7 @@ class Measured:
                 )
 
     def of_poses(self, test: Test) -> Iterator[Characteristic]:
-        """Yield pose and path accuracy and repeatability at the head, or else at the last link."""
+        """Yield pose and path accuracy and repeatability at the head, or at the last link."""
         u, y = (_places(self.robot, self.cycles(x, test)) for x in (self.u, self.q))
         m = u.shape[1]
         half = max(1, round(self.spec.dwell / 2 / test.cycle * m))
@@ -189,16 +189,16 @@ class Measured:
 
 
 def _places(robot: Robot, q: Array) -> Array:
-    """Return positions of the head, or of the last joint's link, in the world [m], (..., 3)."""
+    """Return positions of the head, or of the last link's centre of mass, in the world [m]."""
     flat = q.reshape(-1, robot.n)
     if has_head(robot):
         zero = np.zeros_like(flat)
         found = head_motion(robot, flat, zero, zero).position
     else:
         plant, context = robot.plant, robot.plant.CreateDefaultContext()
-        frame = plant.GetJointByName(robot.joint_names[-1]).child_body().body_frame()
+        body = plant.GetJointByName(robot.joint_names[-1]).child_body()
         found = np.empty((len(flat), 3))
         for i, row in enumerate(flat):
             plant.SetPositions(context, row)
-            found[i] = frame.CalcPoseInWorld(context).translation()
+            found[i] = body.EvalPoseInWorld(context) @ body.default_com()
     return found.reshape(*q.shape[:-1], 3)

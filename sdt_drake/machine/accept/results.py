@@ -10,7 +10,7 @@ import numpy as np
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arguments import a_path, takes
 from sdt_drake.io.results import Results
-from sdt_drake.io.shown import Shown, Summary
+from sdt_drake.io.shown import Figure, Shown, Summary, higher
 from sdt_drake.machine.accept.spec import Acceptance
 from sdt_drake.robot.robot import Robot
 
@@ -35,6 +35,10 @@ QUANTITIES = {
     "path_repeatability": Metric("path repeatability", "mm", 1e3, ".3f"),
 }
 """Characteristics by name, in the order of reports."""
+
+
+SI = {"deg": "rad", "deg/s": "rad/s", "deg/s²": "rad/s²", "%": "-", "ms": "s", "mm": "m"}
+"""Units of the computed numbers by those that are shown; dB stays."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,10 @@ class Accepted(Shown):
         header = "test", "of", "characteristic", "value", "unit", "verdict"
         return Summary(f"of {self.robot.name}: {counts}", header, rows, 3)
 
+    def plot(self) -> Figure:
+        """Return a figure of responses, noise and thresholds, with intervals and limits."""
+        return higher("show.figures.accept:accept_figure")(self)
+
     @takes(path=a_path)
     def save(self, path: str | Path) -> None:
         """Write all numbers [SI; gains in dB] as .csv or .json.
@@ -127,5 +135,6 @@ class Accepted(Shown):
         names = [field.name for field in fields(Characteristic)]
         rows = self.characteristics
         columns = {name: [getattr(x, name) for x in rows] for name in names}
+        columns["unit"] = [SI.get(x.metric.unit, x.metric.unit) for x in rows]
         columns["verdict"] = [x.verdict for x in rows]
         Results({"robot": self.robot.name, "left_out": [*self.left_out]}, columns).write(Path(path))

@@ -130,12 +130,15 @@ def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     return float(np.argmax(alike) - (len(sought) - 2) - np.floor(first)) * step
 
 
-def found_reference(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, float]:
+def found_reference(
+    recorded: Recorded, q_ref: Array, reference: Motion, near: float | None = None
+) -> tuple[float, float]:
     """Return the largest distance of a recorded reference from this one [rad], and its start [s].
 
-    The start is found to a fraction of a sample by Gauss-Newton iteration.
+    The start is found to a fraction of a sample by Gauss-Newton iteration from `near` [s], by
+    default from the largest correlation.
     """
-    shift, tried = _coarse(recorded, q_ref, reference), []
+    shift, tried = _coarse(recorded, q_ref, reference) if near is None else near, []
     for _ in range(_ITERATIONS):
         there = ~_missing(recorded, reference, shift)
         v = reference.v[there]

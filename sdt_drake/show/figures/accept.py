@@ -50,8 +50,9 @@ def _panel(ax: Axes, accepted: Accepted, kind: str, quantity: str) -> None:
         at, factor = [x.at for x in numbers], numbers[0].metric.factor
         value, low, high = factor * np.array([(x.value, x.low, x.high) for x in numbers]).T
         ax.errorbar(
-            at, value, [value - low, high - value], color=look.colour, linestyle=look.dashes,
-            marker=look.marker, markersize=3, linewidth=1, capsize=2, label=place,
+            at, value, np.maximum([value - low, high - value], 0), color=look.colour,
+            linestyle=look.dashes, marker=look.marker, markersize=3, linewidth=1, capsize=2,
+            label=place,
         )  # fmt: skip
         limits = np.array([(x.least, x.most) for x in numbers])
         for column in factor * limits.T:

@@ -11,7 +11,6 @@ from sdt_drake.io.files import replacing_files
 from sdt_drake.io.shown import formatted, numbered
 from sdt_drake.machine.accept.results import QUANTITIES, Accepted, Characteristic
 from sdt_drake.show.documents import MARKDOWN, REPORT, written
-from sdt_drake.show.figures.accept import accept_figure
 from sdt_drake.show.sections import Block, Box, Picture, Table, bullets, said
 from sdt_drake.show.style import pictures
 
@@ -86,16 +85,16 @@ def write_accepted(accepted: Accepted, title: str, folder: Path) -> Path:
     """
     tables = accept_tables(accepted)
     blank = Table(
-        ("machine, serial number", "place, date", "tested by", "accepted by"), [["\u2003"] * 4]
+        ("machine, serial number", "place, date", "tested by", "accepted by"), [["\u2003" * 12] * 4]
     )
     caption = "Bars are intervals of 95 %, grey lines limits. Left: gain and phase of the joints."
-    figure = Picture(f"{_FIGURE}.png", caption, accept_figure(accepted))
+    figure = Picture(f"{_FIGURE}.png", caption, accepted.plot())
     responses = filter(None, (tables["sines"], tables["chain"]))
     sheet: list[Block] = [figure, *responses, said("{}", _NOTE)]
-    notes = bullets(accepted.left_out) if accepted.left_out else None
+    left_out = f"Left out: {'; '.join(accepted.left_out)}." if accepted.left_out else None
     report = written("accept", {
         "title": title, "findings": bullets(accept_findings(accepted)), "form": blank,
-        "left_out": notes and Box("div", [said("Left out:"), notes]), **tables,
+        "left_out": left_out, **tables,
         "sheet": Box("div", sheet, ' class="sheet"'),
     })  # fmt: skip
     with replacing_files(folder) as new:
