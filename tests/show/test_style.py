@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -13,6 +14,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.figures.scope import joint_columns
 from sdt_drake.show.panels import Plots
+from sdt_drake.show.sections import TEMPLATES
 from sdt_drake.show.style import LOOKS, PALETTE, finish, grid, save, style
 
 # Machado, Oliveira, Fernandes, "A physiologically-based model for simulation of color vision
@@ -46,6 +48,17 @@ def test_colours_of_one_panel_differ_for_colour_blind_eyes(eye):
     for first, second in [*combinations(PALETTE[:5], 2), *combinations(in_time_plots, 2)]:
         seen = [lab(colour, NO_CONES[eye]) for colour in (first, second)]
         assert np.linalg.norm(seen[0] - seen[1]) > 15, (first, second)
+
+
+def test_figures_pages_and_site_have_one_typeface():
+    root = Path(__file__).parents[2]
+    styles = [TEMPLATES / "page.css", TEMPLATES / "viewer.css"]
+    styles.append(root / ".github/docs/pages/assets/site.css")
+    with style():
+        (family,) = matplotlib.rcParams["font.family"]
+    assert all(
+        f'"{family}", "Bitstream Vera Sans", Verdana' in x.read_text("utf-8") for x in styles
+    )
 
 
 def test_missing_glyphs_give_no_warning(tmp_path, recwarn):

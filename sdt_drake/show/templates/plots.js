@@ -44,6 +44,7 @@
   };
   const ink = () => (dark() ? "#e6eaee" : "#1b2229");
   const lines = () => (dark() ? "#38424e" : "#e3e7eb");
+  const font = `12px ${getComputedStyle(root).getPropertyValue("--font")}`;
   const width = (place) => Math.floor(place.clientWidth);
 
   const draw = (place, panel, arrays) => {
@@ -53,7 +54,7 @@
     const x = arrays[panel.x];
     const ends = `${x[0]} ${x[x.length - 1]}`;
     const value = (_, number) => short(number);
-    const axis = { stroke: ink, grid: { stroke: lines, width: 1 }, ticks: { stroke: lines, width: 1 }, font: "12px system-ui", labelFont: "12px system-ui", labelSize: 18, values: (_, ticks) => ticks.map(short) };
+    const axis = { stroke: ink, grid: { stroke: lines, width: 1 }, ticks: { stroke: lines, width: 1 }, font, labelFont: font, labelSize: 18, values: (_, ticks) => ticks.map(short) };
     const room = (_, ticks) => Math.max(62, 20 + 7 * Math.max(0, ...(ticks ?? []).map((text) => text.length)));
     const chart = new uPlot({
       width: width(place),
@@ -130,7 +131,7 @@
     for (const [place, chart] of all) { // the width of the page, two joints on each, or all columns
       const columns = Number(place.parentElement.style.getPropertyValue("--columns"));
       const whole = columns === 1 && place.matches(".grid > :only-child, .grid > :last-child:nth-child(odd)");
-      chart.setSize({ width: whole ? 690 : Math.floor(690 / Math.max(columns, 2)) - 5, height: 112 });
+      chart.setSize({ width: whole ? 690 : Math.floor(690 / Math.max(columns, 2)) - 5, height: whole ? 210 : columns > 2 ? 140 : 180 });
     }
     paint();
   });
