@@ -59,6 +59,7 @@ def run(
     """
     from sdt_drake.cli.plan import driven
     from sdt_drake.machine.cueing.flight import read_flight
+    from sdt_drake.machine.cueing.reach import reach
     from sdt_drake.machine.diagnose.flight import check_flight
     from sdt_drake.pilot.orientation import CAUTION
     from sdt_drake.show.reports.fly import FILES, write_flown
@@ -68,6 +69,7 @@ def run(
     recorded = read_flight(flight, columns)
     for line in check_flight(recorded):
         echo(f"suspicious: {line}")
+    echo(str(reach(device, recorded)))
     flown = sdt.fly(
         device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
         torque_margin=torque_margin, g_weight=g_weight, vertical_weight=vertical_weight,

@@ -21,6 +21,7 @@ from sdt_drake.analysis.tracking import MotorUse, Tracking, track_head
 from sdt_drake.machine.cueing.candidate import Candidate as FlightCandidate
 from sdt_drake.machine.cueing.candidate import percept_of
 from sdt_drake.machine.cueing.flight import make_flight
+from sdt_drake.machine.cueing.objective import objective
 from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.learn.filter import Bandwidth, Convergence, LearningFilter
@@ -293,4 +294,5 @@ class Inputs:
         numbers |= {"perception": model.source, "interrupted": True}
         front = ((0.5, options[1]), (1.0, options[0]))
         felt = percept_of(model, t, force, rate)
+        numbers["objective"] = objective(options[0])
         return CueingResult(*options, front, felt, numbers)

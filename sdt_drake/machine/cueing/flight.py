@@ -103,6 +103,11 @@ class Flight:
         """Time of the last sample [s]."""
         return float(self.time[-1])
 
+    @property
+    def resultant_g(self) -> Array:
+        """Size of the specific force divided by gravity [-], shape (N,)."""
+        return np.asarray(np.linalg.norm(self.specific_force, axis=1) / GRAVITY)
+
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return specific force and angular rate at times [s], shape (M, 3) each.
 

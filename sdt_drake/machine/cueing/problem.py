@@ -11,7 +11,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.cueing.felt import felt
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.pilot.head import head_motion
+from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.pilot.thresholds import AXES, LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
@@ -28,6 +28,16 @@ HORIZONTAL = 2.0
 
 SPEED_SHARE = 0.98
 """Share of the joints' speed limit that a motion uses [-]."""
+
+
+_MAX_TILT = 1e-6  # of a vertical axis [rad]
+
+
+def has_arm(robot: Robot) -> bool:
+    """Return True if joint 1 turns about the vertical."""
+    axis, _ = robot.joint_at_zero(robot.joint_names[0])
+    down = robot.plant.gravity_field().gravity_vector() / GRAVITY
+    return bool(np.linalg.norm(np.cross(axis, down)) < _MAX_TILT)
 
 
 @dataclass(frozen=True)

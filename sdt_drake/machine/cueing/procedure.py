@@ -24,8 +24,10 @@ from sdt_drake.machine.cueing.alignment import Start, aligned, angles, standing,
 from sdt_drake.machine.cueing.candidate import SENSED_PERIOD, Candidate, percept_of
 from sdt_drake.machine.cueing.felt import felt, followed
 from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
-from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights
+from sdt_drake.machine.cueing.objective import objective
+from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_arm
 from sdt_drake.machine.cueing.program import fitted
+from sdt_drake.machine.cueing.reach import reach
 from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.machine.cueing.search import Search, unexcelled
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD
@@ -43,7 +45,6 @@ G_WEIGHT = 0.3
 
 _WEIGHT_BESIDE = 0.05  # weight of errors before and after the flight
 _WASHED_SMOOTH = 0.2  # smoothing time of a washout [s]
-_MAX_TILT = 1e-6  # of a vertical axis [rad]
 
 
 @dataclass(frozen=True)
@@ -204,6 +205,9 @@ def fly(
              "cost": search.found[k][1].merit, **found[k].figures(in_flight)}
             for k, (sense, seat) in enumerate(starts[: search.started], 1)
         ],
+        "reachable_g": reach(robot, flight).g,
+        "beyond_reach_s": reach(robot, flight).beyond,
+        "objective": objective(best),
         "interrupted": search.interrupted,
         "cpu_s": clock.process_time() - began,
     }  # fmt: skip
@@ -250,14 +254,12 @@ def _problem_of(
         weight[idles, 0] = 1.0
         size = np.linalg.norm(force[~flies], axis=1, keepdims=True)
         force[~flies] *= idle_g * GRAVITY / np.maximum(size, 1e-3)
-    axis, _ = robot.joint_at_zero(robot.joint_names[0])
-    down = robot.plant.gravity_field().gravity_vector() / GRAVITY
     head = np.hstack([force, rate])
     return Problem(
         robot=robot, model=model, knot=knot, head=head,
         felt=felt(model, followed(model, head, knot), head), weight=weight, weights=weights,
         torque_share=torque_margin, lower=robot.position_lower, upper=robot.position_upper,
-        arm=bool(np.linalg.norm(np.cross(axis, down)) < _MAX_TILT),
+        arm=has_arm(robot),
     )  # fmt: skip
 
 

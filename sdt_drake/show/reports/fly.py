@@ -13,6 +13,7 @@ from sdt_drake.io.formats import in_json
 from sdt_drake.io.shown import formatted, numbered
 from sdt_drake.machine.cueing.candidate import Candidate
 from sdt_drake.machine.cueing.program import MAX_STEPS
+from sdt_drake.machine.cueing.reach import reach
 from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.motion import margins
 from sdt_drake.pilot.canals import CUPULA, low_pass
@@ -30,6 +31,7 @@ _PLOTS, _RECORDING = ("force.png", "attitude.png", "rotation.png"), "3d.html"
 FILES = (MOTION, SUMMARY, *pictures("front"), *_PLOTS, _RECORDING, MARKDOWN, REPORT)
 """Names of all files in the folder."""
 
+_TOLD = 0.251, 1.0, 3.981  # frequencies of the report [rad/s]
 _MIN_COST = 0.1  # share of an error; a smaller one is not attributed to the torque limits
 
 
@@ -69,6 +71,8 @@ def fly_report(flown: CueingResult) -> Report:
         **{name: Plots([shown]) if shown else None for name, shown in panels.items()},
         "front.png": figures.front(flown),
         "flight": flight, "robot": best.robot, "own": own, "rest": rest, "to": alignment,
+        "reach": str(reach(best.robot, flight)),
+        "sheet": _sheet(numbers["objective"]), "objective": numbers["objective"],
         "answer": flown.answer[0].upper() + flown.answer[1:],
         "least": size.min(), "most": size.max(),
         "rate_rms": np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
@@ -102,6 +106,24 @@ def low_pass_at(time: Array, rate: Array) -> Array:
     columns = np.stack([np.interp(even, time, column) for column in rate.T], axis=1)
     slow = low_pass(columns, CUPULA, period)
     return np.stack([np.interp(time, even, column) for column in slow.T], axis=1)
+
+
+def _sheet(objective: Any) -> Table:
+    """Make the table of gain, phase and errors of each signal."""
+    at = [int(np.argmin(np.abs(objective["frequencies_rad_s"] - x))) for x in _TOLD]
+    rows = []
+    for name, one in objective["signals"].items():
+        response = (
+            f"{formatted(one['gain'][k], '.2f')}, {formatted(one['phase_deg'][k], '.0f')}"
+            for k in at
+        )
+        errors = ("correlation", ".2f", 1), ("delay_s", ".2f", 1), ("nrmse", ".0f", 100)
+        told = (formatted(factor * one[key], form) for key, form, factor in errors)
+        rows.append((name, *response, *told, f"{100 * one['false']:.0f}"))
+    return Table(
+        ["", *(f"gain, phase at {x:g} rad/s [-, deg]" for x in _TOLD), "correlation", "delay [s]",
+         "NRMSE [%]", "false cues [%]"], rows,
+    )  # fmt: skip
 
 
 def _starts(flown: CueingResult) -> Table:
