@@ -7,7 +7,6 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import Adder
-from scipy.optimize import brentq
 
 from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.robot.brakes import Brakes
@@ -209,6 +208,8 @@ class StopPlant:
             return float(np.min((way * self.v)[sliding], initial=np.inf))
 
         if forward(until) < 0:
+            from scipy.optimize import brentq
+
             forward(brentq(forward, start[0], until, xtol=_IN_TIME))
 
     def now(self) -> tuple[float, Array]:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 from concurrent.futures import Future
 from pathlib import Path
-from subprocess import PIPE, Popen, run
+from subprocess import PIPE, Popen
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -17,6 +17,7 @@ from helpers.small_studies import rows
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.folder import opened
@@ -140,7 +141,7 @@ def begun(job: Job, folder: Path, done: Iterable[int]) -> Path:
     return folder
 
 
-@settings(max_examples=15, phases=[Phase.generate])  # to shrink takes minutes
+@settings(max_examples=10, phases=[Phase.generate])  # to shrink takes minutes
 @given(
     st.sets(st.integers(0, 5)),
     st.lists(st.tuples(st.sampled_from(MOMENTS), st.integers(1, 4)), max_size=3),
@@ -163,9 +164,10 @@ def test_study_resumed_from_any_kill_has_the_same_rows(files, done, ends):
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs /proc")
-def test_ctrl_c_keeps_rows_ends_processes_and_can_be_resumed(desk, undisturbed):
+def test_ctrl_c_keeps_rows_ends_processes_and_can_be_resumed(desk, undisturbed, undrawn):
     """As in a terminal, which sends Ctrl-C to the command and its processes at once."""
-    command = [sys.executable, "-m", "sdt_drake", "study", "many.yaml", "--workers", "2"]
+    line = ["study", "run", "many.yaml", "--workers"]
+    command = [sys.executable, "-m", "sdt_drake", *line, "2"]
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}
     with Popen(command, stdout=PIPE, text=True, env=environment, start_new_session=True) as study:
         while not study.stdout.readline().startswith("2 of 16 runs"):
@@ -181,7 +183,7 @@ def test_ctrl_c_keeps_rows_ends_processes_and_can_be_resumed(desk, undisturbed):
     with Store(desk / "many") as store:
         kept = store.runs()
     assert 2 <= len(kept) < 16
-    assert run([*command, "--resume"], check=False).returncode == 0
+    assert main([*line, "1", "--resume"]) == 0
     assert rows(desk / "many").equals(rows(undisturbed))
     with Store(desk / "many") as store:
         assert store.runs().loc[kept.index].equals(kept)  # with their durations: not run again
