@@ -8,6 +8,7 @@ import shlex
 import sys
 import warnings
 from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,6 +117,7 @@ def _add(app: App, command: str, name: str, **place: Any) -> None:
     app.command(own)
 
 
+@cache
 def _line(command: str) -> str:
     """Return the first line of a command's help from its file, without an import."""
     text = _text(command)

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -87,11 +89,16 @@ def parse_yaml(text: str) -> Any:
         InputError: no YAML, too large, or a repeated key.
     """
     try:
-        return _Reader(text).data()
+        return deepcopy(_parsed(text))
     except InputError:
         raise
     except (yaml.YAMLError, ValueError) as error:
         raise InputError(f"not valid YAML, {one_line(error)}") from None
+
+
+@lru_cache(maxsize=8)  # studies read the same catalogue for every row
+def _parsed(text: str) -> Any:
+    return _Reader(text).data()
 
 
 def read_yaml(file: Path) -> Any:

@@ -65,7 +65,7 @@ def test_flight_made_by_a_motion_gives_that_motion_back(robot):
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
     head = head_motion(robot, motion.q, motion.v, motion.vd)
     flight = make_flight(motion.time, head.specific_force, head.angular_velocity)
-    found = fly(robot, flight, approach=2.0, departure=2.0, knot=0.1, torque_margin=1.0,
+    found = fly(robot, flight, approach=2.0, departure=2.0, knot=0.2, torque_margin=1.0,
                 compare=False, effort=ONE_START)  # fmt: skip
     within = found.chosen.within
     force = np.abs(found.chosen.force_error[within]).max(axis=0)

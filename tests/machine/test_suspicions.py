@@ -140,13 +140,13 @@ def test_judge_gives_the_findings_of_the_check():
 
 
 def test_swapped_torques_of_alike_motions_are_not_taken_for_units():
-    truth = simulated.truth("arm3", 2, together=True)
+    truth = simulated.truth("arm3", 4, together=True)
     (one,) = said(truth.robot, simulated.swapped(truth, np.random.default_rng(0)))
     assert names(one, "swapped")
 
 
 def test_clean_simulated_recordings_have_no_finding():
-    robot, recorded = recording("arm3", "", 30)
+    robot, recorded = recording("arm3", "", 9)
     found = identify(robot, [recorded], cutoff=CUTOFF)
     assert blames(found) == []
     clean = delay_of(found.equations, CUTOFF)

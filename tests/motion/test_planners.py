@@ -76,7 +76,7 @@ def are_kept(robot, plan):
     assert np.all(np.abs(vd) <= robot.acceleration_limit + 2e-6)
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(case=weak_robots(7))
 def test_retiming_keeps_limits_and_path(case):
     robot, command, commanded = case
@@ -86,7 +86,7 @@ def test_retiming_keeps_limits_and_path(case):
     later = at_gears(robot, motion.q[1:], motion.v[1:], motion.vd[:-1])
     assert np.all(np.abs(later) <= robot.effort_limit + 2e-6)
     off = np.linalg.norm(motion.vd, axis=1).max() * H**2 / 4
-    fine = commanded_motion(robot, command, H / 50)
+    fine = commanded_motion(robot, command, H / 20)
     assert cKDTree(fine.q).query(motion.q)[0].max() <= off + 5e-4
     np.testing.assert_allclose(motion.q[[0, -1]], commanded.q[[0, -1]], atol=off + 1e-6)
     np.testing.assert_allclose(motion.v[[0, -1]], 0, atol=1e-9)
@@ -95,7 +95,7 @@ def test_retiming_keeps_limits_and_path(case):
         np.testing.assert_array_equal(motion.q, commanded.q)
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(case=weak_robots(3))
 def test_retiming_takes_least_time(case):
     """One linear program of x = s'^2 at all samples, without friction.
@@ -131,7 +131,7 @@ def test_retiming_takes_least_time(case):
         assert duration <= 1.01 * least + 3 * H
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(case=weak_robots(7))
 def test_limiter_keeps_limits_or_refuses(case):
     robot, command, commanded = case
