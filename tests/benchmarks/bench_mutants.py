@@ -34,6 +34,8 @@ from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 PACKAGES = ("robot", "motion", "systems", "run", "pilot", "analysis", "paper")
 SEED, COUNT = 20, 400
 CPU_TIME, TIME = 200, 3600  # [s]; no test takes it, so a mutant that does has a loop without end
+OPTIONS = ["-n", "0", "-m", "not documents"]
+"""Of pytest: all but the tests of the documents."""
 SLOW = {"reproduced", "reproduction", "on_wrong_model", "on_exact_model"}  # half a minute each
 TESTS = Path("mutants.json")
 OUTCOMES = {True: TestOutcome.KILLED, False: TestOutcome.SURVIVED}
@@ -118,7 +120,7 @@ def run_all() -> None:
     measured = coverage.Coverage("mutants.coverage", source=["sdt_drake"])
     measured.start()
     plugin = Contexts(measured)
-    if pytest.main(["-n", "0", *(f"tests/{name}" for name in PACKAGES)], plugins=[plugin]):
+    if pytest.main([*OPTIONS, *(f"tests/{name}" for name in PACKAGES)], plugins=[plugin]):
         sys.exit(1)
     measured.stop()
     measured.save()
@@ -176,7 +178,7 @@ def is_noticed(tests: list[str]) -> bool:
     def run() -> int:
         resource.setrlimit(resource.RLIMIT_CPU, (CPU_TIME, CPU_TIME))
         signal.alarm(TIME)
-        return pytest.main(["-x", "-n", "0", "-p", "no:cacheprovider", *tests])
+        return pytest.main(["-x", *OPTIONS, "-p", "no:cacheprovider", *tests])
 
     return bool(tests) and in_a_fork(run) != 0
 

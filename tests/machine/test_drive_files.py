@@ -104,6 +104,7 @@ def test_axes_may_read_different_objects(robot, motion, tmp_path):
 # --- files -----------------------------------------------------------------------------------
 
 
+@pytest.mark.oracle
 def test_structured_text_parses_with_blark(robot, motion, tmp_path):
     """blark parses what IEC 61131-3 and TwinCAT take; slowly, so a few cycles."""
     blark = pytest.importorskip("blark")

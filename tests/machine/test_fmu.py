@@ -33,6 +33,7 @@ def by_reference(designed, tmp_path_factory):
     return design, path
 
 
+@pytest.mark.oracle
 def test_fmu_runs_ten_seconds_as_the_direct_loop(by_reference):
     """Times of samples that are added up in place of multiplied are off late in the motion."""
     design, path = by_reference

@@ -162,7 +162,7 @@ def test_controller_alone_equals_its_law_on_recorded_motion(designed):
 
 def test_saturated_motor_does_not_change_the_law(designed, tmp_path):
     """Joint 2 saturates; the controller asks for more than it has."""
-    made = designed("axis_pi", start=8.9, end=9.4)
+    made = designed("axis_pi", end=9.4)
     assert 0.02 < simulate(made).saturated[:, 1].mean() < 0.5
     result = replayed(made, recorded_run(made, tmp_path))
     assert result.difference("torque", ALONE)[1] < 0.01 * result.recorded_rms("torque")[1]

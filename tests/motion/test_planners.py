@@ -95,6 +95,7 @@ def test_retiming_keeps_limits_and_path(case):
         np.testing.assert_array_equal(motion.q, commanded.q)
 
 
+@pytest.mark.oracle
 @settings(max_examples=4)
 @given(case=weak_robots(3))
 def test_retiming_takes_least_time(case):

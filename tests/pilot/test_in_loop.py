@@ -75,6 +75,7 @@ def walked(design, steps):
     return first, np.array(ends), 0.005 / steps
 
 
+@pytest.mark.oracle
 def test_felt_attitude_is_that_of_the_equations_afterwards(designed, feeling):
     """Runge and Kutta's method on the observer's equations, along what the head did in a run of its
     own: equal to 1e-6 rad and rad/s."""

@@ -57,6 +57,7 @@ def agree(design, tolerance=5e-4):
     return run
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("case", CASES)
 def test_torque_within_periods_equals_walk_in_small_steps(design_of, case):
     assert np.any(agree(design_of(*CASES[case])).saturated[:, 1] > 0)

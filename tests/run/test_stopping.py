@@ -106,6 +106,7 @@ CASES = {
 }
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("case", CASES)
 def test_stops_agree_with_impulses_in_small_steps(case):
     v, *schedule = map(np.array, CASES[case])
