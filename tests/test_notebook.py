@@ -46,8 +46,8 @@ def ran(on_exact_model, on_wrong_model):
     return names, printed, shown
 
 
-def test_notebook_has_17_cells_with_words_before_each():
-    assert [cell["cell_type"] for cell in CELLS] == ["markdown", "code"] * 17
+def test_notebook_has_16_cells_with_words_before_each():
+    assert [cell["cell_type"] for cell in CELLS] == ["markdown", "code"] * 16
     for k, cell in enumerate(CELLS[::2], start=1):
         assert f"## {k}. " in "".join(cell["source"])
 
@@ -62,7 +62,7 @@ def test_stored_notebook_outputs_equal_outputs_of_today(ran):
 
     pictures = [output["data"].get("image/png", "") for output in OUTPUTS if "data" in output]
     figures = [item for item in shown if isinstance(item, Figure)]
-    assert len(list(filter(None, pictures))) == len(figures) == 11
+    assert len(list(filter(None, pictures))) == len(figures) + 1 == 12  # one of the 3D page
     assert max(map(len, pictures)) < 300_000
     # One stands for all: with no backend, and no magic word.
     assert figures[0]._repr_png_().startswith(b"\x89PNG")
@@ -88,11 +88,18 @@ def test_notebook_choice_follows_its_numbers(ran, on_exact_model, on_wrong_model
     assert better.tolist() == [True, False]
 
 
+def test_program_behind_a_socket_controls_the_loop(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (NOTEBOOK.parents[1] / ".github/docs/pages/howto/udp.md").read_text(encoding="utf-8")
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], names)
+    assert names["program"].wait(10) != 0  # it was told to end
+    assert np.abs(names["from_afar"].speed_error).max() < 0.25
+
+
 def test_notebook_loops_closed_from_outside_follow(ran):
     names, printed, _ = ran
     assert np.degrees(np.abs(names["by_hand"].position_error).max()) < 0.2
-    assert names["program"].wait(10) != 0  # it was told to end
-    assert np.abs(names["from_afar"].speed_error).max() < 0.25
     own, shipped = (
         np.array(line[line.index("[") + 1 : line.index("]")].split(), dtype=float)
         for line in printed

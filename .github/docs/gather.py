@@ -98,7 +98,8 @@ def on_files(files, config):
         pictures |= {f"diagrams/{name}" for name in shown}
     for source, page in PAGES.items():
         if source.endswith(".ipynb"):
-            texts[page], made = MarkdownExporter().from_filename(str(ROOT / source))
+            text, made = MarkdownExporter().from_filename(str(ROOT / source))
+            texts[page] = _with_links(text, source, page, pictures)
             for name, content in made["outputs"].items():
                 files.append(File.generated(config, name, content=content))
         else:
@@ -227,7 +228,7 @@ def _with_links(text: str, source: str, page: str, pictures: set[str]) -> str:
 
     def link(match: re.Match) -> str:
         target, anchor = match["target"], match["anchor"] or ""
-        if re.match(r"[a-z]+:", target) or (not target and not page.startswith("findings")):
+        if re.match(r"[a-z]+:|output_", target) or (not target and not page.startswith("findings")):
             return match[0]
         target = target or posixpath.basename(source)
         path = posixpath.normpath(posixpath.join(folder, target))
