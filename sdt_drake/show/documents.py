@@ -193,6 +193,7 @@ _SYMBOL = re.compile(
 )
 
 
+_POSTER = re.compile(r'<img id="sdt-poster"[^>]* src="(data:image/jpeg;base64,[\w+/=]+)"')
 _TAG = re.compile(r"<[^<>]*>")
 _BREAK = re.compile(r"(?<=[_.])(?=\w)(?![^<>]*>)")  # where a long name may break, not in a tag
 
@@ -252,7 +253,13 @@ class _Page:
                 return _part("figure", caption=_Html(caption), alt=alt, data=drawn)
             case doc.Page(name, button, text):
                 text = read_text(self.folder / name, _MAX_FILE_BYTES) if text is None else text
-                return _part("embedded", button=_Html(self.inline(button)), text=text)
+                poster = _POSTER.search(text)
+                return _part(
+                    "embedded",
+                    button=_Html(self.inline(button)),
+                    text=text,
+                    poster=poster and poster[1],
+                )
             case doc.Box(tag, blocks, attributes, head):
                 return f"<{tag}{attributes}>{head}\n{self.blocks(blocks)}</{tag}>\n"
             case doc.Rows():

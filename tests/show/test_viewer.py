@@ -1,5 +1,7 @@
 """The page that plays pictures of a motion, and pictures that are played live."""
 
+import base64
+import io
 import os
 import re
 from types import SimpleNamespace
@@ -9,12 +11,15 @@ import pytest
 from helpers.motions import TIME, smooth
 from helpers.robots import URDF
 from helpers.robots import loaded as loaded_robot
+from PIL import Image
+from pydrake.geometry import Box, Cylinder
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
 from sdt_drake.pilot.illusions import quantities
 from sdt_drake.pilot.orientation import CAUTION
 from sdt_drake.show.view3d import viewer
+from sdt_drake.show.view3d.poster import poster, triangles
 from sdt_drake.show.view3d.scene import ARROW, FRAME_RATE, METRES_PER_G, Scene, make_frames
 from sdt_drake.show.view3d.viewer import record_html
 
@@ -127,6 +132,27 @@ def test_recording_page_plays_without_server(page, robot, page_file):
     assert len(set(before)) > 50 and colours(page) != before
 
 
+def test_poster_faces_enclose_their_shapes_and_its_colours_are_those_of_the_file(robot, meshcat):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    scene = Scene(robot, frames, meshcat)
+    query, sides = scene.query(), 16
+    found = {Box: 0, Cylinder: 0}
+    for geometry in query.inspector().GetAllGeometryIds():
+        shape = query.inspector().GetShape(geometry)
+        volume = np.linalg.det(triangles(query, geometry)).sum() / 6
+        if isinstance(shape, Box):
+            assert volume == pytest.approx(np.prod(shape.size()))
+        if isinstance(shape, Cylinder):
+            area = sides / 2 * np.sin(2 * np.pi / sides) * shape.radius() ** 2
+            assert volume == pytest.approx(area * shape.length())
+        found[type(shape)] = found.get(type(shape), 0) + 1
+    assert found[Box] > 3 and found[Cylinder] > 3
+    _, data = poster(scene).split(",")
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))), dtype=int)
+    red, _, blue = np.moveaxis(picture, 2, 0)
+    assert np.mean(blue > red + 60) > 0.02 and np.mean(red > blue + 60) > 0.02  # arm, roll frame
+
+
 def test_player_fits_a_phone(page):
     seek(page, 0.4)
     page.set_viewport_size({"width": 390, "height": 844})
@@ -186,13 +212,14 @@ def test_player_marks_what_happens_wraps_angles_repeats_and_changes_speed(page, 
     shown = [(float(left[:-1]), float(width[:-1])) for left, width, *_ in places]
     np.testing.assert_allclose(shown, [(0, 25), (40, 60), (40, 60), (0, 5)], atol=0.01)
     assert [name for *_, name, _ in places] == ["", "", "", "window"] and EVIL in places[1][3]
-    told = page.locator("#sdt-joints td:last-child").all_inner_texts()
+    told = page.locator("#sdt-joints td:last-child").all_text_contents()
     angles = np.degrees(smooth(robot)[0][-1])  # within a turn
     np.testing.assert_allclose([float(text[:-1]) for text in told], angles, atol=0.051)
 
     page.select_option("#sdt-speed", "2")
     assert page.evaluate("viewer.animator.mixer.timeScale") == 2
     assert not page.is_visible(".dg.main")  # Meshcat's own controls
+    assert not page.is_visible("#sdt-poster")  # until the scene is there
     page.evaluate("document.getElementById('sdt-loop').click()")
     page.evaluate("document.getElementById('sdt-play').click()")
     page.evaluate("viewer.animator.pause()")  # as at its end
@@ -247,6 +274,7 @@ def test_page_of_a_robot_without_head_and_of_a_browser_without_webgl(open_page, 
         page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
         page.reload()
         assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
+        assert page.is_visible("#sdt-poster")
         assert page.is_disabled("#sdt-play")
 
 

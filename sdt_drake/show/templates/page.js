@@ -51,6 +51,6 @@ if (load) {
     const frame = document.createElement("iframe");
     frame.title = "The device in motion, 3D";
     frame.srcdoc = JSON.parse(document.getElementById("recording-page").textContent);
-    load.replaceWith(frame);
+    load.parentElement.replaceChildren(frame);
   });
 }

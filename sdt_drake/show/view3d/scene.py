@@ -2,10 +2,18 @@
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from pydrake.geometry import Cylinder, Ellipsoid, Meshcat, MeshcatCone, Rgba, SceneGraph
+from pydrake.geometry import (
+    Cylinder,
+    Ellipsoid,
+    Meshcat,
+    MeshcatCone,
+    QueryObject,
+    Rgba,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
@@ -212,6 +220,13 @@ class Scene:
         state = np.concatenate([q, np.zeros_like(q)])
         self._drawing.get_input_port().FixValue(self._context, state)
         self._drawing.ForcedPublish(self._context)
+
+    def query(self) -> QueryObject:
+        """Return where all shapes are."""
+        scene_graph = cast(SceneGraph, self._drawing.GetSubsystemByName("scene_graph"))
+        context = scene_graph.GetMyContextFromRoot(self._context)
+        query: Any = scene_graph.get_query_output_port().Eval(context)
+        return cast(QueryObject, query)
 
     def overview(self) -> None:
         """Move the camera to where it sees everything."""

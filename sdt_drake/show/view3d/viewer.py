@@ -27,6 +27,7 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.show.documents import render_html
 from sdt_drake.show.sections import Block, Page, said
 from sdt_drake.show.view3d import scene as scenes
+from sdt_drake.show.view3d.poster import poster
 
 PAGES = (".html",)
 """Suffixes of pages."""
@@ -150,10 +151,12 @@ def recorded_page(
         scene.show(k, record=True)
     meshcat.StopRecording()
     meshcat.PublishRecording()
+    scene.show(0)
     title = story.title or title or robot.name
     overlay = render_html(
         "viewer.html.j2",
         title=title,
+        poster=poster(scene),
         feels=story.feels,
         predicted=_predicted(frames, story),
         data=_page_data(robot, frames, story),
