@@ -49,7 +49,7 @@ EXPECTED = {
     "spring": ("residual", "acts on its position"),
     "percent": ("unit", "percent"),
     "swapped_at_wrist": ("columns", "swapped"),
-    "swapped_positions": ("columns", "q_2 and q_3 swapped"),
+    "swapped_positions": ("columns", "positions in another order"),
     "swapped_joints": ("columns", "swapped"),
     "all_signs": ("columns", "all torques with the opposite sign"),
     "position_sign": ("columns", "opposite"),

@@ -12,6 +12,7 @@ from oracles.dh import DATA, KUKA_KR300, UR10, needs_data
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.diagnose.finding import kinds
+from sdt_drake.machine.diagnose.readings import misread
 from sdt_drake.machine.diagnose.recording import check_recording
 from sdt_drake.machine.diagnose.residual import Delay, delay_of
 from sdt_drake.machine.diagnose.units import _sizes, torque_unit
@@ -48,6 +49,10 @@ REMEDIES = {
     "direction": "direction: [1, 1, -1]",
     "zero": "position_offset: [0, -1.5708, 0]",
     "wall": "",
+    "all_signs": "torque_factor: [-1, -1, -1]",
+    "zero_10": "position_offset: [0, ",
+    "coupled_motors": "",
+    "swapped_at_wrist": "tau: in the order [1, 3, 2]",
     "torque_late": "torque_delay: 0.01",
     "torque_of_one_late": "",
     "hysteresis": "",
@@ -111,6 +116,21 @@ def test_a_payload_is_no_unit(tmp_path):
     found = identify(robot, [recorded], only="payload", payload="link_3", cutoff=CUTOFF)
     assert blames(found) == []
     assert found.left(found.equations.nominal, held_out=True)[2] > 0.9
+
+
+@pytest.mark.parametrize("fault", ["no_gravity", "zero_10", "swapped_at_wrist"])
+def test_fault_of_six_joints_is_named(fault):
+    robot, recorded = recording("cobot", fault, 100)
+    found = misread(robot, equations_of(robot, recorded))
+    assert any(names(one, fault) for one in found)
+
+
+@needs_data
+def test_torques_of_friction_at_a_real_wrist_tell_their_joints():
+    """Where friction is most of the torque: by the speed of which joint it changes its sign."""
+    robot, recorded = recording("ur10", "swapped_at_wrist", 0)
+    (one,) = misread(robot, equations_of(robot, recorded))
+    assert "tau_5 and tau_6 swapped" in one.sentence
 
 
 @pytest.mark.parametrize("blemish", ["repeated", "frozen_tau", "clipped"])

@@ -59,10 +59,14 @@ RESIDUAL_FLOOR = 0.03  # [-] residual that remains in any case, over the torque 
 MIN_RESIDUAL = 0.5  # [-] share of the torque that the file's links leave, for a try [0.5-1.33]
 MIN_SCORE = 2.0  # [-] logarithm of the ratio of residuals; see `better_readings` [0.5-1.33]
 MIN_FREE_SCORE = 0.5  # [-] [0.5-2]
+MAX_FREE_LOSS = 0.1  # [-] loss of score with the best links over the gain with those of the file
 MIN_FILE_SCORE = 4.0  # [-] [tight]
 MAX_BEHIND = 0.5  # [-] score; readings this close to the best are reported, too [0.5-2]
 SCORE_SIGMAS = 3.0  # [-] standard errors of a score [0.5-2]
-MIN_TILT = 3.0  # [deg] between two directions of gravity [0.5-2]
+MIN_TILT = 3.0  # [deg] between two directions of gravity, or two zeros of a position [0.5-2]
+MIN_ZERO_RESIDUAL = 0.1  # [-] share of the torque that the file's links leave, for other zeros
+MIN_ZERO_SCORE = 1.0  # [-] logarithm of the ratio of residuals with the file's links
+MIN_ZERO_GAIN = 0.1  # [-] that of a joint's residual
 READING_ROUNDS = 3  # iterations of the weights [0.5-1.33]
 
 # --- what a fit leaves -------------------------------------------------------------------------

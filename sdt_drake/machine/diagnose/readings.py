@@ -29,6 +29,7 @@ from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 
 _RIGHT = np.pi / 2  # rad
+_LITTLE = 1e-3  # rad, for derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,8 @@ class Residuals(NamedTuple):
     """Residuals of the links of the file, shape (M, n)."""
     links: Array
     """Parameters of the best links, shape (11 n,)."""
+    size: Array
+    """Mean squares of the torques without friction [(N m)²], shape (n,)."""
 
 
 def misread(robot: Robot, eq: Equations) -> list[Finding]:
@@ -76,7 +79,8 @@ def misread(robot: Robot, eq: Equations) -> list[Finding]:
         if better:
             return better
     found = [unit.finding] if unit else []
-    return found + better_readings(robot, eq, unit.factor if unit else as_they_are)
+    found += better_readings(robot, eq, unit.factor if unit else as_they_are)
+    return found or _zeros_off(robot, eq)
 
 
 def better_readings(
@@ -100,9 +104,8 @@ def better_readings(
     Returns:
         One finding, or none if the mapping explains the torques.
     """
-    ones, gravity = np.ones(robot.n), Bodies.of(robot).gravity
-    plain = Reading("", "", np.arange(robot.n), np.arange(robot.n), ones, ones, 0 * ones, gravity)
-    judge = _Judge(robot, eq, factor, gravity)
+    plain = _plain(robot)
+    gravity, judge = plain.gravity, _Judge(robot, eq, factor, plain.gravity)
     now = judge.left(plain)
     if np.all(_rms(now.file) < c.MIN_RESIDUAL):
         return []
@@ -113,12 +116,13 @@ def better_readings(
     others = _other_orders(robot, judge, plain)
     for reading in (*_alternatives(plain), *others, *judge.other_gravity(plain)):
         left = judge.left(reading)
-        of_any, of_file = _score(now.free, left.free), _score(now.file, left.file)
+        rubs = np.log(now.size / left.size).sum() / 2  # more is friction of the right joints
+        of_any, of_file = _score(now.free, left.free) + rubs, _score(now.file, left.file) + rubs
         both = of_any + of_file
         score, error = float(both.mean()), both.std(ddof=1) / np.sqrt(c.BLOCKS)
         decides = of_any.mean() > c.MIN_FREE_SCORE or (
             rival is None
-            and of_any.mean() > -c.MIN_FREE_SCORE
+            and of_any.mean() > -max(c.MIN_FREE_SCORE, c.MAX_FREE_LOSS * of_file.mean())
             and of_file.mean() > c.MIN_FILE_SCORE
         )
         is_clear = (decides and score > c.MIN_SCORE) or _is_as_good(reading, left, rival)
@@ -130,6 +134,38 @@ def better_readings(
     best, _, after = found[0]
     readings = [reading for score, reading, _ in found if score > best - c.MAX_BEHIND]
     return [_in_words(readings, now, after, best)]
+
+
+def _zeros_off(robot: Robot, eq: Equations) -> list[Finding]:
+    """Return the finding of a position whose zero is off by some degrees.
+
+    The links of the file decide: they must explain much more of at least two torques, and the best
+    links no less.
+    """
+    plain = _plain(robot)
+    judge = _Judge(robot, eq, np.ones(robot.n), plain.gravity)
+    now = judge.left(plain)
+    if np.all(_rms(now.file) < c.MIN_ZERO_RESIDUAL):
+        return []
+    reading = judge.other_zero(plain)
+    left = judge.left(reading)
+    score, any_links = _score(now.file, left.file), _score(now.free, left.free)
+    error = score.std(ddof=1) / np.sqrt(c.BLOCKS)
+    gains = np.log(_rms(now.file) / _rms(left.file)) > c.MIN_ZERO_GAIN
+    is_clear = score.mean() > max(c.MIN_ZERO_SCORE, c.SCORE_SIGMAS * error) and gains.sum() > 1
+    if (
+        not is_clear
+        or any_links.mean() < 0
+        or np.abs(reading.offset).max() < np.radians(c.MIN_TILT)
+    ):
+        return []
+    return [_in_words([reading], now, left, float(score.mean()))]
+
+
+def _plain(robot: Robot) -> Reading:
+    """Return the meaning that the mapping gives to the columns."""
+    order, ones = np.arange(robot.n), np.ones(robot.n)
+    return Reading("", "", order, order, ones, ones, 0 * ones, Bodies.of(robot).gravity)
 
 
 def _in_words(
@@ -181,6 +217,10 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
         words, write = "columns from the tip to the base", "q and tau: in the order of the joints, "
         write += "base to tip"
         yield replace(plain, words=words, write=write, order=order[::-1], places=order[::-1])
+    words, write = "all torques with the opposite sign", explained.entries(-np.ones(n))
+    yield replace(plain, words=words, write=f"torque_factor: {write}", sign=-np.ones(n))
+    words = "torques without gravity: was it compensated, or subtracted?"
+    yield replace(plain, words=words, gravity=np.zeros(3))
     for k in range(n):
         sign = np.where(order == k, -1.0, 1.0)
         torque, direction = (
@@ -250,7 +290,7 @@ class _Judge:
                 H, h = H + weight * grams[k][0], h + weight * grams[k][1]
             links = solved(H, h)
             free = of(links).mean(axis=0)
-        return Residuals(of(links), of(self.file), links)
+        return Residuals(of(links), of(self.file), links, size)
 
     def other_gravity(self, plain: Reading) -> Iterator[Reading]:
         """Yield a reading with the direction of gravity that fits the torques best.
@@ -285,6 +325,30 @@ class _Judge:
         axis = ", ".join(f"{x + 0.0:.2f}" for x in np.round(reading.gravity / size, 2))
         yield replace(reading, words=f"a base {stands}: gravity along [{axis}] of the file")
 
+    def other_zero(self, plain: Reading) -> Reading:
+        """Return a reading with the offset of the one position that fits the file's links best."""
+        k = int(np.argmax([self._offset(plain, k)[1] for k in range(len(plain.order))]))
+        offset = np.zeros(len(plain.order))
+        for _ in range(c.READING_ROUNDS):
+            offset[k] += self._offset(replace(plain, offset=offset.copy()), k)[0]
+        offset = np.radians(np.round(np.degrees(offset)))
+        words = f"an offset of q_{k + 1} by {round(np.degrees(offset[k]))} degrees"
+        write = f"position_offset: {explained.entries(offset)}"
+        return replace(plain, words=words, write=write, offset=offset)
+
+    def _offset(self, reading: Reading, k: int) -> tuple[float, float]:
+        """Return a further offset of position k [rad], and the score of it, to first order."""
+        near = replace(reading, offset=reading.offset + _LITTLE * (reading.order == k))
+        now, moved = (
+            np.stack([y - Y @ self.file for Y, y in self._without_friction(one)])
+            for one in (reading, near)
+        )
+        slope, size = (moved - now) / _LITTLE, np.maximum(np.sum(now**2, axis=1), 1e-300)
+        fall, bend = (np.sum(slope * x, axis=1) / size for x in (now, slope))
+        step = -float(fall.sum() / max(bend.sum(), 1e-300))
+        left = np.sum((now + step * slope) ** 2, axis=1) / size
+        return step, -float(np.log(np.maximum(left, 1e-300)).sum())
+
     def _without_friction(self, reading: Reading) -> list[tuple[Array, Array]]:
         """Return the columns of the rigid parameters and the torque of each joint.
 
@@ -306,7 +370,10 @@ class _Judge:
         speed, made = explained.over_largest(self.robot.gear_speed(v)), []
         for k in range(len(order)):
             used = counts[:, k, None].astype(float)
-            known = explained.basis(used * explained.like_friction(speed[:, k], c.FRICTION_WIDTHS))
+            known = explained.like_friction(speed[:, k], c.FRICTION_WIDTHS)
+            if self.file[-len(order) + k] == 0:  # a rotor that the file lacks
+                known = np.column_stack([known, Y[:, k, -len(order) + k]])
+            known = explained.basis(used * known)
             both = explained.without(known, used * np.column_stack([Y[:, k], tau[:, k]]))
             made.append((both[:, :-1], both[:, -1]))
         return made

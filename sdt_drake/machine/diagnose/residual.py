@@ -194,6 +194,9 @@ class Joint:
         slides = np.tanh(over_largest(v) / c.SIGN_WIDTH)
         q = q - q.mean()
         time = (eq.time[rows] + 1e3 * eq.source[rows]) / max(float(eq.time.max()), 1e-9)
+        near = [eq.v[:, [k]] + sign * eq.v[:, [j]]
+                for j in (k - 1, k + 1) if 0 <= j < eq.n for sign in (1, -1)]  # fmt: skip
+        both = over_largest(np.hstack(near or [eq.v[:, [k]]]))[rows]
         built = [_built_up(eq, k, share)[rows] for share in c.BUILT_UP]
         return {
             "late": self.torque(0.0, 1)[:, None],
@@ -203,6 +206,7 @@ class Joint:
                 [np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q), q, q**2, q**3]
             ),
             "load": np.column_stack([load * slides, load * v]),
+            "coupled": np.hstack([both, np.tanh(both / c.SIGN_WIDTH)]),
             "drift": np.column_stack([time * slides, time * v, time**2 * slides]),
         }
 

@@ -89,7 +89,8 @@ def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
     if good:
         text = f"is it {' or '.join(good)}{', or a current' * (good[0] in rated)}?"
         remedy = " or ".join(_remedy(words, 1 / exact[words]) for words in good)
-        return _unit(found, known, text, 1 / exact[good[0]], remedy, is_exact=True)
+        is_exact = good[0] not in rated
+        return _unit(found, known, text, 1 / exact[good[0]], remedy, is_exact=is_exact)
     if not off.any():
         return None
     weight = 1 / found.spread**2
