@@ -112,8 +112,8 @@ def accept_plan(scenario: Scenario, spec: Acceptance | str | Path = "acceptance"
         >>> from sdt_drake.machine.accept.spec import Acceptance
         >>> spec = Acceptance(frequencies=[1], steps=[1], cycles=3, repeats=3, chain=[1])
         >>> plan = sdt.accept_plan(sdt.load("training"), spec)
-        >>> [x.tests.name for x in plan.motions]
-        ['joint_1', 'joint_2', 'joint_3', 'joint_4', 'poses', 'chain']
+        >>> [x.tests.name for x in plan.motions][3:]
+        ['joint_4', 'poses', 'chain_surge', 'chain_roll', 'chain_pitch', 'chain_yaw']
     """
     device = load_device(scenario)
     if not isinstance(spec, Acceptance):
@@ -121,7 +121,7 @@ def accept_plan(scenario: Scenario, spec: Acceptance | str | Path = "acceptance"
     check_joints(spec, "spec", device.n)
     bench = _Bench(as_driven(device, scenario.drive), spec, scenario.period)
     motions = [bench.of_joint(k) for k in range(device.n)]
-    motions += [bench.of_poses(), bench.of_chain()]
+    motions += [bench.of_poses(), *bench.of_chain()]
     planned = tuple(x for x in motions if x is not None)
     if not planned:
         raise InputError(f"{device.path}: none of the tests is possible: {bench.left_out[0]}")
@@ -255,26 +255,26 @@ class _Bench:
         test = _test("poses", shape, size * float(way.max()), 0)
         return self.joined("poses", [(test, size * shape.p)])
 
-    def of_chain(self) -> PlannedMotion | None:
+    def of_chain(self) -> Iterator[PlannedMotion | None]:
         """Plan sines of each channel of the head that the joints can drive."""
         if not self.spec.chain or not has_head(self.robot):
-            return None
-        found: list[tuple[Test, Array]] = []
-        for j, (channel, direction) in enumerate(zip(CHANNELS, self.directions(), strict=True)):
+            return
+        for channel, direction in zip(CHANNELS, self.directions(), strict=True):
             if direction is None:
                 self.left_out.append(f"chain, {channel}: the joints do not drive it")
                 continue
+            found: list[tuple[Test, Array]] = []
+            most = float((self.room / np.abs(direction).clip(1e-9)).min())
             for omega in self.spec.chain:
                 shape = sine(2 * np.pi / omega, self.spec.chain_cycles, self.period)
                 p = np.outer(shape.p, direction)
-                fit = self.room / np.abs(direction).clip(1e-9)
-                size = min(self.largest(p), float(fit.min()))
+                size = min(self.largest(p), most)
                 if 2 * np.pi / omega < _SAMPLES * self.period or size == 0:
                     self.left_out.append(f"chain, {channel} at {omega:g} rad/s: not within limits")
                     continue
                 test = _test("chain", shape, size * float(np.abs(direction).max()), 0)
-                found.append((test.changed({"channel": CHANNELS[j]}), size * p))
-        return self.joined("chain", found)
+                found.append((test.changed({"channel": channel}), size * p))
+            yield self.joined(f"chain_{channel}", found)
 
     def directions(self) -> Iterator[Array | None]:
         """Yield the joints' way that drives each channel and the others least, length 1.
