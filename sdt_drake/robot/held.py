@@ -126,7 +126,7 @@ def _position(
     joints: Mapping[str, ET.Element], file: Path, above: tuple[str, ...] = (),
 ) -> float | None:  # fmt: skip
     """Return where a joint is held [rad, m]; None if it is not."""
-    joint, mimic = joints[name], joints[name].find("mimic")
+    joint, mimic = joints[name], _mimic(joints[name])
     low, high = (_number(joint.find("limit"), key, way * np.inf)
                  for key, way in (("lower", -1), ("upper", 1)))  # fmt: skip
     position = told.get(name)
@@ -145,16 +145,26 @@ def _position(
 
 def _number(element: ET.Element | None, name: str, otherwise: float) -> float:
     try:
-        return otherwise if element is None else float(element.get(name, otherwise))
+        return (
+            otherwise
+            if element is None
+            else float(element.get(name) or element.findtext(name) or otherwise)
+        )
     except ValueError:  # is refused where limits are read
         return otherwise
+
+
+def _mimic(joint: ET.Element) -> ET.Element | None:
+    """Return the element by which a joint of a URDF or SDF follows another one."""
+    own = joint.find("mimic")
+    return joint.find("axis/mimic") if own is None else own
 
 
 def _check_others(moving: Mapping[str, ET.Element], file: Path) -> None:
     """Refuse joints that no motor can drive here, all at once, with the option that holds them."""
     wrong = {}
     for name, joint in moving.items():
-        kind, mimic = joint.get("type", ""), joint.find("mimic")
+        kind, mimic = joint.get("type", ""), _mimic(joint)
         if mimic is not None:
             wrong[name] = f"follows '{mimic.get('joint')}' by <mimic>"
         elif kind not in TURNING:

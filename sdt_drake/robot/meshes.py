@@ -3,6 +3,7 @@
 import atexit
 import io
 import tempfile
+import xml.etree.ElementTree as ET
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -44,8 +45,10 @@ def _converted(mesh: Path, changed: int) -> Path:
     if kind == "dae" and (b"<!DOCTYPE" in data or b"\0" in data):
         raise InputError("has a <!DOCTYPE> or is no UTF-8, which is not supported")
     try:
+        if kind == "dae" and _placed(ET.fromstring(data)) > _MAX_BYTES:
+            raise ValueError("too many nodes")
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind)
-        if not scene.geometry or not np.isfinite(scene.bounds).all():
+        if scene.bounds is None or not np.isfinite(scene.bounds).all():
             raise ValueError("no triangles")
         if kind == "dae":
             scene = scene.convert_units("meters").apply_transform(_Z_UP_TO_Y_UP)
@@ -54,10 +57,39 @@ def _converted(mesh: Path, changed: int) -> Path:
             text = export_obj(scene.to_mesh(), include_texture=False, include_color=False)
             content, suffix = text.encode(), ".obj"
     except Exception as error:  # the libraries raise many types
-        raise InputError(f"cannot be read as {mesh.suffix} ({one_line(error)})") from None
+        # Of bytes that are no text, trimesh asks for a library that guesses their encoding.
+        why = "neither binary nor text" if isinstance(error, ImportError) else one_line(error)
+        raise InputError(f"cannot be read as {mesh.suffix} ({why})") from None
     file = Path(_folder()) / f"{len(list(Path(_folder()).iterdir()))}{suffix}"
     file.write_bytes(content)
     return file
+
+
+def _placed(root: ET.Element) -> int:
+    """Return the size of a COLLADA scene with all that its nodes place, again and again [bytes].
+
+    Raises:
+        ValueError: a node within itself.
+    """
+    named = {f"#{one.get('id')}": one for one in root.iter() if one.get("id")}
+    sizes: dict[ET.Element, int] = {}
+
+    def size(part: ET.Element) -> int:
+        if part not in sizes:
+            sizes[part] = -1  # is being measured
+            inner = [*part.iterfind("{*}node")]
+            inner += [named[one.get("url", "")] for one in part if one.tag.endswith(_INSTANCES)]
+            own = _NODE_BYTES if part.tag.endswith("}node") else sum(map(len, part.itertext()))
+            sizes[part] = own + sum(map(size, inner))
+        if sizes[part] < 0:
+            raise ValueError("a node within itself")
+        return sizes[part]
+
+    return sum(map(size, root.iterfind(".//{*}visual_scene/{*}node")))
+
+
+_INSTANCES = ("}instance_node", "}instance_geometry", "}instance_controller")
+_NODE_BYTES = 50_000  # of text that take as long to read as a node
 
 
 @cache

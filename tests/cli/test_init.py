@@ -168,8 +168,16 @@ def test_init_of_held_joints_writes_them_fixed_and_keeps_the_rest_of_the_text(go
         "<parent link='lower'/><child link='finger'/>"
     )
     held, mine = load_robot(desk / "arm.urdf", hold="grip=0.03"), load_robot(desk / "mine/arm.urdf")
+    # A scenario holds the joints of the published file as well, and so does a tip.
+    scenario = load_scenario(desk / "mine" / "scenario.yaml", {"robot": str(desk / "arm.urdf")})
+    own = [
+        make_design(scenario.changed(changes)).nominal
+        for changes in ({"hold": ["grip=0.03"]}, {"tip": "lower", "hold": "grip=0.03"})
+    ]
     M = [robot.plant.CalcMassMatrix(robot.context_at_zero()) for robot in (held, mine)]
     np.testing.assert_array_equal(*M)
+    for robot in own:
+        assert robot.joint_names == held.joint_names and dict(robot.held) == {"grip": 0.03}
 
 
 NAMES = ['it\'s "q" <x>', "a # c: ${x}", "[ü] & 50%20"]

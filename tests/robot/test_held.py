@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from helpers.robots import SIX, URDF, chain_names, chain_sdf, loaded
+from helpers.robots import ARM, SIX, URDF, chain_names, chain_sdf, loaded
 from oracles.pinocchio_model import urdf_torque
 
 from sdt_drake.io.errors import InputError
@@ -119,3 +119,14 @@ def test_arm_with_held_fingers_is_that_of_pinocchios_reader(what, left, right):
     q, v, vd = np.random.default_rng(3).uniform(-1, 1, (3, 4, 2))
     torque = torque_groups(robot, q, v, vd).total - robot.damping * v
     np.testing.assert_allclose(torque, urdf_torque(robot, q, v, vd), rtol=1e-9, atol=1e-9)
+
+
+def test_joint_of_an_sdf_that_follows_another_is_held_with_it():
+    mimic = '<mimic joint="shoulder"><multiplier>2</multiplier><offset>{}</offset></mimic>'
+    text = ARM.replace("<limit><effort>40", mimic.format(0) + "<limit><effort>40")
+    assert text != ARM
+    with pytest.raises(InputError, match=r"'elbow' follows 'shoulder' by <mimic>.*hold='elbow'"):
+        loaded(text)
+    assert loaded(text, hold="elbow").joint_names == ("shoulder",)
+    with pytest.raises(InputError, match=r"joint 'elbow': held at 0\.5, expected 0 in an SDF"):
+        loaded(text.replace("<offset>0<", "<offset>0.5<"), hold="shoulder")

@@ -116,7 +116,7 @@ PLACES = [
     ("package://{ros}/looks/a.gltf", "looks/a.gltf"),
     ("package://other/looks/a.gltf", "package://other/looks/a.gltf is missing"),
     ("a.ply", "a.ply has an unsupported format, expected one of .obj, .gltf, .vtk, .stl, .dae"),
-    ("a.dae", "a.dae cannot be read as .dae (DaeMalformedError: XML"),
+    ("a.dae", "a.dae cannot be read as .dae (no element found"),
     ("b.dae", "b.dae has a <!DOCTYPE> or is no UTF-8, which is not supported"),
     ("a.stl", "a.stl cannot be read as .stl (no triangles)"),
 ]
@@ -178,3 +178,22 @@ def test_mesh_without_its_library_is_left_out_with_what_installs_it(with_mesh, m
         "link 'upper': mesh other.stl needs trimesh, which is not installed: pip install "
         "'sdt_drake[meshes]'"
     )
+
+
+NODE = '<node><instance_geometry url="#g"/></node>'
+AGAIN = "".join(
+    f'<node id="n{k + 1}"><instance_node url="#n{k}"/><instance_node url="#n{k}"/></node>'
+    for k in range(30)
+)
+LIBRARY_OF_NODES = f'<library_nodes><node id="n0"/>{AGAIN}</library_nodes><library_visual_scenes>'
+ENDLESS = [
+    ('<node><instance_node url="#n30"/></node>', LIBRARY_OF_NODES, "too many nodes"),
+    ('<node id="a"><instance_node url="#a"/></node>', "<library_visual_scenes>", "within itself"),
+    (3000 * "<node>" + 3000 * "</node>", "<library_visual_scenes>", "maximum recursion depth"),
+]
+
+
+@pytest.mark.parametrize(("node", "library", "why"), ENDLESS, ids=[case[-1] for case in ENDLESS])
+def test_collada_that_places_itself_without_end_is_left_out(with_mesh, node, library, why):
+    text = DAE.replace("<library_visual_scenes>", library).replace(NODE, node)
+    assert why in with_mesh({"a.dae": text})
