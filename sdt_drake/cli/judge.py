@@ -5,7 +5,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import sdt_drake as sdt
-from sdt_drake.cli.common import Columns, Cutoff, Robot, Side
+from sdt_drake.cli.common import Columns, Cutoff, Held, Robot, Side
 from sdt_drake.cli.printing import echo, print_document_table
 
 
@@ -18,6 +18,7 @@ def run(
     columns: Columns = None,
     side: Side = None,
     cutoff: Cutoff = None,
+    held: Held = Held(),
 ) -> None:
     """Print the torque of recordings that a robot does not explain, without any fit.
 
@@ -32,8 +33,9 @@ def run(
     """
     from sdt_drake.show.reports.identification import judged_in_words, judged_table
 
+    model = held.load(robot)
     judged = sdt.judge(
-        robot, recordings, friction=friction, columns=columns, side=side, cutoff=cutoff
+        model, recordings, friction=friction, columns=columns, side=side, cutoff=cutoff
     )
     for line in judged_in_words(judged):
         echo(line)
