@@ -42,8 +42,8 @@ def run(
         flight: CSV file with time, specific force and angular rate at the pilot's head (f_x, f_y,
             f_z, omega_x, omega_y, omega_z; x forward, y left, z up), or the name of a shipped one
         out: folder for motion.csv, summary.json and report.html
-        columns: YAML file with the names of the columns, their units, axes and position; `jsbsim`
-            and `recorder` are shipped
+        columns: YAML file with the names of the columns, their units, axes and position; `jsbsim`,
+            `px4`, `ardupilot`, `g1000`, `fdr`, `xplane` and `recorder` are shipped
         approach: time from rest to the start of the flight [s]
         departure: time from the end of the flight to rest [s]
         idle_g: G before and after the flight (default: that of its first and last sample)

@@ -37,7 +37,7 @@ def mappings(draw) -> FlightColumns:
 def test_flight_is_the_same_in_any_units_axes_and_lever(tmp_path_factory, m, rng):
     time, alpha = 0.01 * np.arange(50), rng.normal(size=3)
     omega = rng.normal(size=3) + alpha * time[:, None]  # straight: its differences are exact
-    force = rng.normal(size=(50, 3))
+    force = rng.normal(size=3) + rng.normal(size=3) * time[:, None]
     sensor = force + np.cross(alpha, m.lever) + np.cross(omega, np.cross(omega, m.lever))
     down = np.array([1, 1, 1] if m.axes == "flu" else [1, -1, -1])
     values = np.column_stack([
@@ -137,7 +137,7 @@ def test_what_is_proposed_for_the_log_of_a_flight_reads_it(tmp_path, kind):
 def test_flight_at_1_hz_is_not_taken_for_one_in_milliseconds(tmp_path):
     path = tmp_path / "slow.csv"
     path.write_text(columns_of("t,ax,ay,az,p,q,r", [T[::10], F[::10] * FRD, W[::10] * FRD]))
-    with pytest.raises(InputError, match=r"refused so far, time: 1 s between samples") as error:
+    with pytest.raises(InputError, match="731 rows, 73 s at 10 Hz") as error:
         read_flight(path)
     assert "milli" not in str(error.value)
 

@@ -19,6 +19,14 @@ from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import higher
 from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.machine.cueing.cleaning import (
+    FORCE_NOISE,
+    RATE_NOISE,
+    at_finer_times,
+    forward_force,
+    rates_of,
+    without_noise,
+)
 from sdt_drake.machine.recordings.columns import Layout
 from sdt_drake.machine.recordings.places import OR_DROP, place_of
 from sdt_drake.machine.recordings.places import missing as missing_column
@@ -31,7 +39,6 @@ FORCE_UNITS = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}
 
 _RATES = {"rad/s": 1.0, "deg/s": np.pi / 180}
 _AXES = {"flu": (1.0, 1.0, 1.0), "frd": (1.0, -1.0, -1.0)}
-_ATTITUDE = ("bank_deg", "pitch_deg")
 _MAX_DURATION = 3600.0  # s
 _MIN_SAMPLE_RATE = 2.0  # Hz
 MIN_RATE = 0.5
@@ -50,9 +57,22 @@ class FlightColumns(Layout):
     """
 
     force: Values[str] = field(("f_x", "f_y", "f_z"), **_THREE)
-    """Columns of specific force along x, y, z, as accelerometers measure it."""
-    omega: Values[str] = field(("omega_x", "omega_y", "omega_z"), **_THREE)
-    """Columns of angular rate about x, y, z."""
+    """Columns of specific force along x, y, z, as accelerometers measure it; "" for a forward one
+    that is found from pitch and speed."""
+    omega: Values[str] = field(("omega_x", "omega_y", "omega_z"), max_length=3)
+    """Columns of angular rate about x, y, z; [] for rates from the attitude."""
+    attitude: Values[str] = field(("bank_deg", "pitch_deg"), max_length=3)
+    """Columns of bank (right positive), pitch (up positive) and heading, optional where rates are
+    there."""
+    attitude_unit: Literal["deg", "rad"] = "deg"
+    """Unit of the attitude: "deg" or "rad"."""
+    speed: str = ""
+    """Column of airspeed, for a missing forward force; "" for none."""
+    speed_factor: Positive = field(1.0, unit="m/s")
+    """Unit of the airspeed: 0.5144 for knots."""
+    force_offset: Values[Number] = field((0.0,) * 3, unit="force_unit", **_THREE)
+    """Values added to the force columns: 1 for a load factor in g that is 0 in level
+    flight."""
     force_unit: Literal["m/s2", "g", "ft/s2"] = "m/s2"
     """Unit of forces: "m/s2", "g" or "ft/s2"."""
     omega_unit: Literal["rad/s", "deg/s"] = "rad/s"
@@ -74,6 +94,12 @@ class FlightColumns(Layout):
 
     def problems(self) -> Problems:
         yield from Layout.problems(self)
+        if len(self.omega) not in (0, 3):
+            yield "omega", f"{len(self.omega)} column(s), expected 3, or [] for rates from attitude"
+        if len(self.attitude) < (2 if self.omega and self.force[0] else 3 - bool(self.omega)):
+            yield "attitude", f"{[*self.attitude]}, expected bank, pitch and heading"
+        if not all(self.force[1:]):
+            yield "force", f"{[*self.force]}, expected columns along y and z"
         for name in ("force_direction", "omega_direction"):
             if any(abs(x) != 1 for x in getattr(self, name)):
                 yield name, f"{[*getattr(self, name)]}, expected 1 and -1"
@@ -211,24 +237,73 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
         except InputError as error:
             raise _with_proposal(error, path) from None
     numbers = read_numbers(find_file(path, "flight"), columns.style, logged=True)
-    places = {x: _places(numbers, getattr(columns, x), x) for x in ("force", "omega")}
+    places = {
+        x: _places(numbers, [c for c in getattr(columns, x) if c], x) for x in ("force", "omega")
+    }
     if columns.drop_incomplete:
         numbers = numbers.complete([*places_of_time(numbers, columns), *chain(*places.values())])
     time = times_of(numbers, columns, MIN_RATE)
+    attitude = _attitude(numbers, columns)
+    notes = list(numbers.notes)
+    force, rates = _values(numbers, places["force"]), _values(numbers, places["omega"])
+    scale = columns.force_factor * FORCE_UNITS[columns.force_unit]
+    first = 3 - force.shape[1]
     axes = np.array(_AXES[columns.axes])
-    force = _values(numbers, places["force"]) * axes * columns.force_direction
-    omega = _values(numbers, places["omega"]) * axes * columns.omega_direction
-    force *= columns.force_factor * FORCE_UNITS[columns.force_unit]
-    omega *= columns.omega_factor * _RATES[columns.omega_unit]
+    signs = (axes * columns.force_direction)[first:]
+    force = (force + columns.force_offset[first:]) * signs * scale
+    if first:
+        speed = None
+        if columns.speed:
+            place = _places(numbers, [columns.speed], "speed")
+            speed = columns.speed_factor * _values(numbers, place)[:, 0]
+        assert attitude is not None
+        force = np.column_stack([forward_force(time, attitude[:, 1], speed), force])
+        notes.append("the forward force is from pitch" + " and airspeed" * bool(columns.speed))
+    if columns.omega:
+        rates = rates * axes * columns.omega_direction
+        rates *= columns.omega_factor * _RATES[columns.omega_unit]
+    else:
+        assert attitude is not None
+        rates = rates_of(time, attitude)
+        notes.append("rates are from the attitude")
     lever = np.array(columns.lever)
-    if lever.any():
-        alpha = np.gradient(omega, time, axis=0)
-        force = force - np.cross(alpha, lever) - np.cross(omega, np.cross(omega, lever))
-    attitude = None
-    if all(name in numbers.names for name in _ATTITUDE):
-        attitude = np.radians(_values(numbers, _places(numbers, _ATTITUDE, "attitude")))
-    flight = make_flight(time, force, omega, numbers.path.stem, attitude)
-    return replace(flight, notes=numbers.notes, columns=columns)
+    flight = make_flight(*_cleaned(time, force, rates, lever, notes), numbers.path.stem)
+    if attitude is not None:
+        flight = replace(flight, attitude=interpolated(flight.time, time - time[0], attitude))
+    return replace(flight, notes=tuple(notes), columns=columns)
+
+
+def _attitude(numbers: Numbers, columns: FlightColumns) -> Array | None:
+    """Return bank, pitch and perhaps heading [rad]; None if there is none and none is needed."""
+    is_needed = not columns.omega or not columns.force[0]
+    is_there = all(place_of(numbers, name) is not None for name in columns.attitude)
+    if not (is_needed or (is_there and columns.attitude)):
+        return None
+    angles = _values(numbers, _places(numbers, columns.attitude, "attitude"))
+    return np.radians(angles) if columns.attitude_unit == "deg" else angles
+
+
+def _cleaned(
+    time: Array, force: Array, rates: Array, lever: Array, notes: list[str]
+) -> tuple[Array, Array, Array]:
+    """Return time, force and rate of the head, without noise; append what was done to the notes."""
+    finer, both = at_finer_times(time, np.hstack([force, rates]))
+    if len(finer) != len(time):
+        was, now = 1 / np.median(np.diff(time)), 1 / np.median(np.diff(finer))
+        notes.append(f"its {was:.3g} Hz are interpolated to {now:.3g} Hz; what is quicker is lost")
+    time, force, rates = finer, both[:, :3], both[:, 3:]
+    # Noise of a gyro grows with the lever, as its differences are angular accelerations.
+    step, arm = float(np.median(np.diff(time))), float(np.linalg.norm(lever))
+    least = min(RATE_NOISE, FORCE_NOISE * step * 2**0.5 / arm) if arm else RATE_NOISE
+    force, of_force = without_noise(time, force, FORCE_NOISE)
+    rates, of_rates = without_noise(time, rates, least)
+    for size, unit in ((of_force, "m/s² in force"), (of_rates, "rad/s in rates")):
+        if size:
+            notes.append(f"white noise of {size:.3g} {unit} is taken out by a smoothing spline")
+    if arm:
+        alpha = np.gradient(rates, time, axis=0)
+        force = force - np.cross(alpha, lever) - np.cross(rates, np.cross(rates, lever))
+    return time, force, rates
 
 
 def _with_proposal(error: InputError, path: str | Path) -> InputError:

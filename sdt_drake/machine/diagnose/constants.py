@@ -135,3 +135,11 @@ MOST_G = 2.5  # [G] that half of a flight is below
 ONE_DIRECTION = 0.5  # [-] mean force over mean size of the force
 MAX_RATE = 6.283185307179586  # [rad/s] largest angular rate
 MAX_MEAN_RATE = 1.0  # [rad/s] mean angular rate
+
+# --- rates of a flight -----------------------------------------------------------------------
+
+TURNING = 0.02  # [rad/s] RMS turning of the vertical that can be compared with rates
+EXPLAINED = 0.4  # [-] share of it that rates may leave unexplained
+FAR_LESS = 0.5  # [-] of what another reading leaves
+PULLED = 1.0  # [m/s²] deviation of a normal force in manoeuvres, and of 30 m/s times the pitch rate
+OPPOSED = 0.6  # [-] correlation of force and pitch rate with the wrong sign

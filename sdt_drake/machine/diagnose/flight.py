@@ -9,6 +9,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.cueing.flight import FORCE_UNITS, Flight, FlightColumns
 from sdt_drake.machine.diagnose import constants as c
+from sdt_drake.machine.diagnose.attitude import contradictions
 from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.pilot.head import GRAVITY
 
@@ -41,6 +42,7 @@ def doubts(flight: Flight) -> Iterator[Doubt]:
     scale = yield from _unit(flight.specific_force, columns)
     yield from _axes(scale * flight.specific_force, columns)
     yield from _rate(flight.angular_rate, columns)
+    yield from contradictions(flight)
 
 
 def _unit(force: Array, columns: FlightColumns) -> Generator[Doubt, None, float]:
