@@ -13,7 +13,12 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.diagnose.fit import weakly_excited
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
-from sdt_drake.machine.identify.consistency import _Space, links_of, nearest_consistent
+from sdt_drake.machine.identify.consistency import (
+    _Space,
+    links_of,
+    motor_scale,
+    nearest_consistent,
+)
 from sdt_drake.machine.identify.equations import equations
 from sdt_drake.machine.identify.estimation import estimate
 from sdt_drake.machine.identify.filtering import compared, stretches, zero_phase_low_pass
@@ -219,6 +224,18 @@ def test_what_the_file_explains_exactly_is_neither_refused_nor_made_worse(flat, 
     heavier = replace(arm, effort_limit=1e3 * arm.effort_limit)  # and so a larger assumed rotor
     found = identify(heavier, [exact])
     assert np.all(found.left(found.written, held_out=True) < 1e-3)
+
+
+def test_motors_have_at_least_their_least_inertia():
+    """A solver misses bounds by its tolerance, and torques of a wrong sign ask for less."""
+    arm = edited(
+        file_robot("arm3"), lambda root: [setattr(x, "text", "0") for x in root.iter(ROTOR)]
+    )
+    time, q, v, vd = course(arm, np.random.default_rng(2), 10.0, 100.0)
+    tau = inverse_dynamics(arm, q, v, vd) * [1, -1, 1]
+    tau = tau + 0.01 * np.std(tau, axis=0) * np.random.default_rng(0).normal(size=tau.shape)
+    found = identify(arm, [Recorded(Path("e.csv"), time, {"q": q, "tau": tau})], cutoff=5.0)
+    assert np.all(found.consistent.motors >= 1e-9 * motor_scale(arm) * (1 - 1e-12))
 
 
 def test_links_that_are_not_found_are_refused_with_the_joint_that_is_farthest(robot, monkeypatch):

@@ -175,6 +175,24 @@ def test_clean_simulated_recordings_have_no_finding():
     assert delay_of(late, CUTOFF).common == pytest.approx(clean.common, abs=1e-6)
 
 
+def test_a_joint_alone_has_no_other_order():
+    """Its friction builds up over an angle at reversals; no delay is told, no order tried."""
+    one = replace(
+        simulated.ARM, name="one",
+        **{name: getattr(simulated.ARM, name)[:1]
+           for name in ("d", "a", "alpha", "theta", "mass", "com", "speed", "effort",
+                        "rotor_inertia", "gear_ratio")},
+    )  # fmt: skip
+    robot = simulated.mounted(one)
+    time, q, v, vd = simulated.course(robot, np.random.default_rng(0), 20.0, 100.0)
+    built = np.zeros(len(q))
+    for i in range(1, len(q)):
+        built[i] = np.clip(built[i - 1] + (q[i, 0] - q[i - 1, 0]) / 0.05, -1, 1)
+    tau = inverse_dynamics(robot, q, v, vd) + 20 * built[:, None]
+    found = said(robot, Recorded(Path("d.csv"), time, {"q": q, "tau": tau}))
+    assert {one.kind for one in found} <= {"residual", "held out"}
+
+
 def test_delay_at_the_bound_of_its_search_is_none():
     told = Delay(0.17, 0.001, np.array([0.17]), np.array([0.001]), gain=0.5, most=0.35)
     assert told.is_significant and not replace(told, most=0.175).is_significant

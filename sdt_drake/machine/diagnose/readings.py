@@ -242,6 +242,8 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
 
 def _other_orders(robot: Robot, judge: "_Judge", plain: Reading) -> Iterator[Reading]:
     """Yield the likely orders of torques, of positions, and of all columns, if they are others."""
+    if robot.n == 1:
+        return
     torques, places, whole = likely_orders(robot, *judge.motion, judge.tau, judge.moves)
     is_swap, is_reverse = (torques != plain.order).sum() <= 2, np.all(whole == plain.order[::-1])
     for what, write, order, reading in (

@@ -224,8 +224,10 @@ class _Space:
         if not result.is_success():
             return None
         x = np.asarray(result.GetSolution(variables))
-        for at in range(0, 10 * len(self.links), 10):
+        first = 10 * len(self.links)
+        for at in range(0, first, 10):
             x[at : at + 10] = _possible(x[at : at + 10])
+        x[first:] = np.maximum(x[first:], _MIN_MOTOR)  # which the solver misses by its tolerance
         return x, self.fixed + effect @ x
 
 
