@@ -61,12 +61,14 @@ def run(
     from sdt_drake.machine.cueing.flight import read_flight
     from sdt_drake.machine.cueing.reach import reach
     from sdt_drake.machine.diagnose.flight import check_flight
+    from sdt_drake.pilot.observer import load_perception
     from sdt_drake.pilot.orientation import CAUTION
     from sdt_drake.show.reports.fly import FILES, write_flown
 
     common.check_folder(out, FILES)
     device = sdt.load_robot(robot) if envelope is None else driven(envelope, None)
     recorded = read_flight(flight, columns)
+    load_perception(model)  # refused before anything is printed
     for line in check_flight(recorded):
         echo(f"suspicious: {line}")
     echo(str(reach(device, recorded)))
