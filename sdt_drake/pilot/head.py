@@ -1,7 +1,7 @@
 """The motion of the pilot's head: specific force and angular velocity at the frame `head`."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,6 +139,7 @@ def head_motion_of_samples(robot: Robot, period: float, q: ArrayLike, v: ArrayLi
     return head_motion(robot, q, v, np.gradient(v, period, axis=0))
 
 
+@lru_cache(maxsize=8)  # searches for a motion ask for it thousands of times
 def _chain_at_zero(robot: Robot) -> tuple[list[Array], list[Array], Array]:
     """Return the joints that move the head, at q = 0, in the world.
 

@@ -269,10 +269,10 @@ def test_device_at_rest_is_tilted_along_the_mean_of_felt_gravity(robot, flown):
 def test_percept_at_knots_is_that_of_the_observer_without_its_cut_off(name):
     flight = read_flight("turn")
     model = replace(load_perception(name), cutoff=50.0)
-    knots = 0.2 * np.arange(200)
+    knots = 0.2 * np.arange(75)
     head = np.hstack(flight.at(knots))
     own = felt(model, followed(model, head, 0.2), head)
-    time = 0.02 * np.arange(1991)
+    time = 0.02 * np.arange(741)
     force, rate = np.split(interpolated(time, knots, head), 2, axis=1)
     percept = perceive(time, force, rate, model)
     shown = np.hstack([percept.gravity, percept.rate, percept.acceleration])[::10]

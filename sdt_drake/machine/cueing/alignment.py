@@ -46,12 +46,20 @@ def standing(problem: Problem, up: Array) -> Array:
     draws = np.random.default_rng(0).uniform(lower, upper, (_POSTURES - 1, n))
 
     def off(q: Array) -> Array:
-        still = np.concatenate([q, np.zeros(2 * n)])[None]
-        load = np.maximum(np.abs(problem.torque_use(still)[0]) - 1, 0)
-        tilt = problem.head_at(still)[0, :3] / GRAVITY - up
-        return np.concatenate([tilt, _OVERLOAD * load, _UNTURNED * (q - first)])
+        """Return the residuals of postures, shape (N, 3 + 2 n)."""
+        still = np.hstack([q, np.zeros((len(q), 2 * n))])
+        load = np.maximum(np.abs(problem.torque_use(still)) - 1, 0)
+        tilt = problem.head_at(still)[:, :3] / GRAVITY - up
+        return np.hstack([tilt, _OVERLOAD * load, _UNTURNED * (q - first)])
 
-    found = [least_squares(off, q, bounds=(lower, upper)) for q in (first, *draws)]
+    def slope(q: Array) -> Array:
+        before, after = np.split(off(q + 1e-6 * np.vstack([-np.eye(n), np.eye(n)])), 2)
+        return (after - before).T / 2e-6
+
+    found = [
+        least_squares(lambda q: off(q[None])[0], q, slope, bounds=(lower, upper))
+        for q in (first, *draws)
+    ]
     return np.asarray(min(found, key=lambda one: one.cost).x)
 
 
