@@ -41,15 +41,17 @@ def plan(
     from sdt_drake.io.resources import find_file
     from sdt_drake.machine.accept.plan import FILES, scenario_of, write_plan
     from sdt_drake.machine.drive_files.drives import load_drives
+    from sdt_drake.robot.xml_files import is_robot
+    from sdt_drake.run.scenario import robot_of
 
     common.check_folder(out, FILES)
-    if find_file(robot, "scenario", "robot").suffix in (".sdf", ".urdf"):
+    if is_robot(find_file(robot, "scenario", "robot")):
         common.refuse_changes(given.changes, robot)
         scenario = scenario_of(robot)
     else:
         scenario = sdt.load(robot, dict(given.changes))
     if drive is not None:  # before the motions are planned, which takes longer
-        load_drives(drive, sdt.load_robot(scenario.robot).n)
+        load_drives(drive, robot_of(scenario).n)
     planned = sdt.accept_plan(scenario, spec)
     write_plan(planned, out, drive)
     echo(f"{planned.summary().title}, written into {out}")

@@ -60,15 +60,14 @@ def run(
     """
     from sdt_drake.io.resources import named
     from sdt_drake.pilot.head import has_head
-    from sdt_drake.robot.xml_files import SUFFIXES
+    from sdt_drake.robot.xml_files import is_robot
     from sdt_drake.show.view3d.scene import check_angles
     from sdt_drake.show.view3d.viewer import PAGES, play, record_html
 
     if out is not None:
         common.check_file(out, PAGES)
         common.refuse("has no effect with --out", rate=rate, port=port, once=once)
-    suffix = Path(named(what, "scenario", "motion", "robot")).suffix.lower()
-    if suffix in (*SUFFIXES, ".xacro"):
+    if is_robot(named(what, "scenario", "motion", "robot")):
         unused = "has no effect on a robot"
         common.refuse(unused, robot=robot, pilot=pilot, rate=rate, changes=given.changes)
         _robot(what, held, out, port, once)

@@ -16,6 +16,11 @@ SUFFIXES = (".sdf", ".urdf")
 """Suffixes of robots' files, in small or capital letters."""
 
 
+def is_robot(name: str | Path) -> bool:
+    """Return whether a file is a robot by its suffix, also one that is to be expanded by xacro."""
+    return Path(name).suffix.lower() in (*SUFFIXES, ".xacro")
+
+
 class RobotXml(NamedTuple):
     """A robot's file as SDF, without shapes."""
 
@@ -39,11 +44,10 @@ def read_robot_file(file: Path, hold: str | Sequence[str] = (), tip: str = "") -
     Raises:
         InputError: another suffix, no XML, xacro, or what `hold_joints` refuses.
     """
-    suffix = file.suffix.lower()
-    if suffix not in (*SUFFIXES, ".xacro"):
+    if not is_robot(file):
         raise InputError(f"{file}: expected an .sdf or .urdf file")
     root = parse_xml(file.read_bytes(), file)
-    is_sdf = suffix == ".sdf"
+    is_sdf = file.suffix.lower() == ".sdf"
     notes = [] if is_sdf else cleaned(root, file)
     held = hold_joints(root, hold, tip, file)
     root, without_mass = (root, []) if is_sdf else sdf_of_urdf(root, file)
