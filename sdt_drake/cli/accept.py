@@ -56,7 +56,7 @@ def plan(
     write_plan(planned, out, drive)
     echo(f"{planned.summary().title}, written into {out}")
     for line in planned.left_out:
-        echo(f"left out: {line}")
+        echo(f"note: {line}")
     print_table(*planned.summary()[1:3])
     echo("Obstacles and people in the machine are not taken into account.")
     echo(
@@ -127,7 +127,7 @@ def _deliver(accepted: "Accepted", title: str, out: Path | None) -> None:
     for line in accept_findings(accepted):
         echo(line)
     for line in accepted.left_out:
-        echo(f"left out: {line}")
+        echo(f"note: {line}")
     for table in filter(None, accept_tables(accepted).values()):
         echo()
         print_document_table(table)

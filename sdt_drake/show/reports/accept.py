@@ -91,7 +91,9 @@ def write_accepted(accepted: Accepted, title: str, folder: Path) -> Path:
     figure = Picture(f"{_FIGURE}.png", caption, accepted.plot())
     responses = filter(None, (tables["sines"], tables["chain"]))
     sheet: list[Block] = [figure, *responses, said("{}", _NOTE)]
-    left_out = f"Left out: {'; '.join(accepted.left_out)}." if accepted.left_out else None
+    left_out = (
+        f"Not done, or not in full: {'; '.join(accepted.left_out)}." if accepted.left_out else None
+    )
     report = written("accept", {
         "title": title, "findings": bullets(accept_findings(accepted)), "form": blank,
         "left_out": left_out, **tables,
