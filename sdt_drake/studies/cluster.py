@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.versions import other_versions, versions
-from sdt_drake.studies.fields import Value
 from sdt_drake.studies.pool import Pool
-from sdt_drake.studies.table import Row
+from sdt_drake.studies.table import Row, Value
 
 with needing("cluster: needs Dask", "sdt_drake[cluster]"):
     from distributed import Client, TimeoutError

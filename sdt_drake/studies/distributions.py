@@ -15,7 +15,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.fields import ByTag, NonEmpty, Number, Positive, Problems, Variant, field
-from sdt_drake.studies.fields import Value
+from sdt_drake.studies.table import Value
 
 MAX_RUNS = 10_000_000
 _FIELD_UNIT = "of the field"

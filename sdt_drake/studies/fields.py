@@ -13,8 +13,7 @@ from sdt_drake.io.names import parts_of, schema_at, schema_leaves, value_of
 from sdt_drake.io.schema import schema_of
 from sdt_drake.run.options import ControllerOptions
 from sdt_drake.run.scenario import Scenario
-
-Value = float | str
+from sdt_drake.studies.table import Value
 
 _TYPES = {"number": float, "integer": float, "boolean": bool, "string": str}
 

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.io.errors import InputError, needing
-from sdt_drake.studies.fields import Value
-from sdt_drake.studies.table import Row
+from sdt_drake.studies.table import Row, Value
 
 with needing("studies need pebble", "sdt_drake[study]"):
     from pebble import ProcessExpired, ProcessPool

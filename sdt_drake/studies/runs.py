@@ -16,10 +16,10 @@ from sdt_drake.run.options import load_controllers
 from sdt_drake.run.recording import Recording
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import simulate
-from sdt_drake.studies.fields import Value, field_names, find_field
+from sdt_drake.studies.fields import field_names, find_field
 from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of, stop_outcomes
 from sdt_drake.studies.study import Study
-from sdt_drake.studies.table import Row
+from sdt_drake.studies.table import Row, Value
 
 Inputs = Mapping[str, Value]
 """Values of the variables of a row, by name."""

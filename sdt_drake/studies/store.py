@@ -18,8 +18,7 @@ from pydantic import AfterValidator, TypeAdapter
 
 from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.files import replacing
-from sdt_drake.studies.fields import Value
-from sdt_drake.studies.table import STATUSES, Row, pandas
+from sdt_drake.studies.table import STATUSES, Row, Value, pandas
 
 if TYPE_CHECKING:
     import pandas as pd

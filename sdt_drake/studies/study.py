@@ -28,8 +28,8 @@ from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.run.options import ControllerOptions
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies import distributions
-from sdt_drake.studies.fields import Field, Value, check_changes, find_field
-from sdt_drake.studies.table import is_column
+from sdt_drake.studies.fields import Field, check_changes, find_field
+from sdt_drake.studies.table import Value, is_column
 
 _MAX_INTEGER = 2**64 - 1
 QUICK_ACCURACY = 0.01

@@ -18,6 +18,9 @@ from sdt_drake.io.errors import needing
 if TYPE_CHECKING:
     import pandas as pd
 
+Value = float | str
+"""A value of an input."""
+
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 
 ANSWERS = ("ok", "infeasible")

@@ -59,8 +59,8 @@ import threading
 from pathlib import Path
 import sdt_drake.cli.step as step
 from sdt_drake.io.files import replacing, replacing_files
-from sdt_drake.run.threads import threads
 def with_threads(**options):
+    from sdt_drake.run.threads import threads
     with threads(1) as pool:
         for _ in range(2):
             pool.submit(threading.Event().wait)
