@@ -226,6 +226,18 @@ def test_what_the_file_explains_exactly_is_neither_refused_nor_made_worse(flat, 
     assert np.all(found.left(found.written, held_out=True) < 1e-3)
 
 
+def test_one_exact_parameter_does_not_loosen_the_others(robot):
+    """The solver sees links to 1e-6: an exact parameter may deviate by that, the others stay within
+    a standard deviation."""
+    unknown = Unknown.body(robot, "payload")
+    size = np.sqrt(np.diagonal(np.linalg.inv(belief(robot, unknown).precision)))
+    beta = unknown.base.combination @ rigid_parameters(robot)[unknown.columns] + 2e-3 * size
+    std = 1e-3 * size * np.where(np.arange(len(beta)) == 0, 1e-5, 1.0)
+    near = nearest_consistent(robot, unknown, ["payload"], beta, np.diag(std**2), np.diag(std**2))
+    missed = (near.beta - beta) / size
+    assert np.linalg.norm(missed[1:]) < 1.1e-3 and abs(missed[0]) < 1e-6
+
+
 def test_motors_have_at_least_their_least_inertia():
     """A solver misses bounds by its tolerance, and torques of a wrong sign ask for less."""
     arm = edited(

@@ -207,9 +207,11 @@ class _Space:
         missed = program.NewContinuousVariables(len(beta))  # deviation in standard deviations
         one = program.NewContinuousVariables(1)
         variables, effect = np.concatenate(unknowns), np.hstack(effects)
-        # Exact data determine links to 1e-9, the solver to 1e-6 of those of the file.
-        sensitivity = np.abs(sure @ K @ effect[columns]).max(initial=0.0)
-        sure = sure * min(1.0, _MAX_SENSITIVITY / max(sensitivity, 1e-300))
+        # Exact data determine links to 1e-9, the solver to 1e-6 of those of the file. Only what is
+        # known better may deviate by more than its standard deviation.
+        sensitivity = np.abs(sure @ K @ effect[columns]).max(axis=1, initial=0.0)
+        sensitivity = sensitivity if near else sensitivity.max(initial=0.0)
+        sure = (sure.T * np.minimum(1.0, _MAX_SENSITIVITY / np.maximum(sensitivity, 1e-300))).T
         program.AddLinearEqualityConstraint(
             np.hstack([sure @ K @ effect[columns], np.eye(len(beta))]),
             sure @ (beta - K @ self.fixed[columns]),
