@@ -24,6 +24,7 @@ from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.orientation import perceive
 from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.show.reports.fly import _starts
 
 ONE_START = Effort(seats=(0.0,), front=(0.1, 10.0))
 # At such a weight of G the motors are used as far as they may.
@@ -110,6 +111,7 @@ def test_interrupted_search_keeps_the_best_candidate(robot, onset):
     assert found.numbers["interrupted"] and not found.numbers["starts"]
     assert found.unlimited is None and found.chosen.g_error < found.rest.g_error
     assert used(robot, found.motion).max() < 0.95 * 1.01
+    assert not _starts(found).rows  # of the page, which is written, too
 
 
 BAD = [

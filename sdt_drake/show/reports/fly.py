@@ -129,7 +129,7 @@ def _sheet(objective: Any) -> Table:
 def _starts(flown: CueingResult) -> Table:
     rows = flown.numbers["starts"]
     assert isinstance(rows, list)
-    best = min(row["cost"] for row in rows)
+    best = min((row["cost"] for row in rows), default=1.0)
     return Table(
         ["sense of the arm, seat", *_ERRORS, "cost above the best [%]"],
         [
