@@ -161,7 +161,7 @@ def test_wide_tables_fit_the_terminal_and_lose_nothing():
             [["roll", *"12345"], ["yaw", *"67890"]], 1,
             ["joint    roll  yaw", "value 0     1    6", "value 1     2    7"],
         ),
-        (["part", "a", "b"], [["p", "0.1 (0.2)", "0.3 (0.4)"], ["q", "0", "0"]], 1,
+        (["part", "a", "b"], [["p", "0.1 (0.2)", "0.3 (0.4)"], *([x, "0", "0"] for x in "qr")], 1,
          ["part      a      b", "p       0.1    0.3", "      (0.2)  (0.4)"]),
         (["controller", "joint", "error"], [["p_pi", "roll", "1"], ["", "yaw", "2"]], 2,
          ["controller,", "joint        error", "p_pi", "  roll           1", "  yaw            2"]),
