@@ -106,7 +106,7 @@ def fly(
         >>> flight = make_flight(time, np.outer(pull, [0, 0, 9.81]), np.zeros((41, 3)))
         >>> quick = {"approach": 1, "departure": 1, "knot": 0.5, "compare": False}
         >>> flown = sdt.fly("sdt", flight, **quick)
-        >>> chosen, alignment, *_ = flown.candidates
+        >>> chosen, rest, alignment, *_ = flown.candidates
         >>> print(chosen.felt_rotation < 0.5 * alignment.felt_rotation)
         True
         >>> flown.motion.to_csv("motion.csv")
