@@ -1,10 +1,12 @@
 """What is said of recordings that are read otherwise than they are; the truth is known."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from helpers import simulated_recordings as simulated
 from helpers.faults import blames, names, recording
 from helpers.known_truth import changed
@@ -69,6 +71,17 @@ def test_fault_is_named_with_remedy_and_evidence(fault):
     assert one.remedy.startswith(REMEDIES[fault]) and bool(one.remedy) == bool(REMEDIES[fault])
     assert all(one.evidence and np.isfinite([*one.evidence.values()]).all() for one in found)
     assert {one.kind for one in found} <= kinds().keys()
+
+
+def test_percent_are_told_with_factors_of_all_joints_where_each_torque_has_a_likely_size():
+    """Of the effort limits, 200, 200 and 90 N m, and of rated torques, 0.4 times as large."""
+    robot, recorded = recording("arm3", "", 4)
+    for share, words, factor in ((1.0, "the effort limit", 2.0), (0.4, "a rated torque", 0.8)):
+        tau = 100 * recorded.signals["tau"] / robot.effort_limit / share
+        (one,) = said(robot, replace(recorded, signals=recorded.signals | {"tau": tau}))
+        assert one.kind == "unit" and f"percent of {words}" in str(one)
+        told = yaml.safe_load(re.search(r"torque_factor\D*(\[.*?\])", str(one))[1])
+        assert told == pytest.approx([factor, factor, 0.45 * factor], rel=0.25)
 
 
 def test_evidence_equals_the_fault_put_in():

@@ -20,7 +20,7 @@ from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose import explained
 from sdt_drake.machine.diagnose.finding import Finding, finding
 from sdt_drake.machine.diagnose.orders import likely_orders
-from sdt_drake.machine.diagnose.units import Unit, torque_unit
+from sdt_drake.machine.diagnose.units import SHARES, Unit, torque_unit
 from sdt_drake.machine.identify.base_parameters import rigid_columns, rigid_parameters
 from sdt_drake.machine.identify.consistency import rigid_scale
 from sdt_drake.machine.identify.equations import Equations
@@ -47,11 +47,13 @@ class Reading:
     turned: Array
     """1, or -1 for a position with the opposite sign, shape (n,)."""
     sign: Array
-    """1, or -1 for a torque with the opposite sign, shape (n,)."""
+    """1, -1 for a torque with the opposite sign, or a factor from its unit, shape (n,)."""
     offset: Array
     """Values added to positions [rad], shape (n,)."""
     gravity: Array
     """Gravity in the world frame [m/s²], shape (3,)."""
+    kind: str = "columns"
+    """Kind of its finding."""
 
 
 class Residuals(NamedTuple):
@@ -113,15 +115,22 @@ def better_readings(
     if unnamed is not None:
         rival = _Judge(robot, eq, unnamed.factor, gravity).left(plain)
     found = []
-    others = _other_orders(robot, judge, plain)
-    for reading in (*_alternatives(plain), *others, *judge.other_gravity(plain)):
-        left = judge.left(reading)
-        rubs = np.log(now.size / left.size).sum() / 2  # more is friction of the right joints
-        of_any, of_file = _score(now.free, left.free) + rubs, _score(now.file, left.file) + rubs
+    others = [*_other_orders(robot, judge, plain), *judge.other_gravity(plain)]
+    if np.all(factor == 1) and not np.any(eq.known):  # a payload changes torques by definition
+        others += _in_shares(robot, judge, plain)
+    free = judge.left(plain, c.LOOSER)
+    for reading in (*_alternatives(plain), *others):
+        is_share = reading.kind != "columns"
+        left = judge.left(reading, c.LOOSER if is_share else 1.0)
+        size = left.size / reading.sign**2
+        rubs = np.log(now.size / size).sum() / 2  # more is friction of the right joints
+        of_any = _score((free if is_share else now).free, left.free) + rubs
+        of_file = _score(now.file, left.file) + rubs
         both = of_any + of_file
         score, error = float(both.mean()), both.std(ddof=1) / np.sqrt(c.BLOCKS)
         decides = of_any.mean() > c.MIN_FREE_SCORE or (
             rival is None
+            and not is_share
             and of_any.mean() > -max(c.MIN_FREE_SCORE, c.MAX_FREE_LOSS * of_file.mean())
             and of_file.mean() > c.MIN_FILE_SCORE
         )
@@ -181,7 +190,7 @@ def _in_words(
     evidence = {f"{name}_links": float(values[k]) for name, values in left.items()}
     words = "; or ".join(one.words for one in readings)
     remedy = "; or ".join(one.write for one in readings if one.write)
-    return finding("columns", (k + 1,), remedy, readings=words, score=score, **evidence)
+    return finding(readings[0].kind, (k + 1,), remedy, readings=words, score=score, **evidence)
 
 
 def _is_as_good(reading: Reading, left: Residuals, rival: Residuals | None) -> bool:
@@ -258,6 +267,29 @@ def _other_orders(robot: Robot, judge: "_Judge", plain: Reading) -> Iterator[Rea
             yield replace(reading, words=words, write=write)
 
 
+def _in_shares(robot: Robot, judge: "_Judge", plain: Reading) -> Iterator[Reading]:
+    """Yield torques in shares of the effort limits, by the size that the file's links tell.
+
+    A rated torque is a share of the limit.
+    """
+    limits = robot.effort_limit
+    sizes = judge.sizes(plain) * limits
+    known = np.isfinite(sizes)
+    if not known.any() or not np.isfinite(limits).all() or np.ptp(limits) == 0:
+        return
+    peak = float(np.exp(np.median(np.log(sizes[known]))))
+    for name, x in SHARES.items():
+        if c.PEAKS[0] < peak / x < c.PEAKS[1]:
+            is_limit = abs(np.log(peak / x)) < np.log(c.SAME_UNIT) / 2
+            factor = limits / (x if is_limit else peak)
+            entries = explained.entries(factor, 4)
+            words = f"torques in {name} of a rated torque, with a torque_factor of about {entries}"
+            write = ""
+            if is_limit:
+                words, write = f"torques in {name} of the effort limit", f"torque_factor: {entries}"
+            yield replace(plain, words=words, write=write, sign=factor, kind="unit/shares")
+
+
 class _Judge:
     """A calculator of the residual torques of each alternative."""
 
@@ -272,10 +304,10 @@ class _Judge:
         self.scale = rigid_scale(robot)
         self.columns = rigid_columns(robot, *self.motion)
 
-    def left(self, reading: Reading) -> Residuals:
-        """Return the residuals of a reading."""
+    def left(self, reading: Reading, looser: float = 1.0) -> Residuals:
+        """Return the residuals of a reading, with best links that may be `looser` from the file."""
         seen = self._without_friction(reading)
-        tau = self.tau[:, reading.order]
+        tau = reading.sign * self.tau[:, reading.order]
         floor = (c.RESIDUAL_FLOOR * tau) ** 2 + 1e-300
         size = np.array([np.mean(y**2) for _, y in seen]) + floor.mean(axis=0)
         n, free, links = len(seen), np.ones(len(seen)), self.file
@@ -286,13 +318,24 @@ class _Judge:
 
         grams = [(Yk.T @ Yk, Yk.T @ y) for Yk, y in seen]
         for _ in range(c.READING_ROUNDS):
-            H, h = np.diag(1 / self.scale**2), self.file / self.scale**2
+            belief = (looser * self.scale) ** -2
+            H, h = np.diag(belief), self.file * belief
             for k in range(n):
                 weight = 1 / (free[k] * size[k])
                 H, h = H + weight * grams[k][0], h + weight * grams[k][1]
             links = solved(H, h)
             free = of(links).mean(axis=0)
         return Residuals(of(links), of(self.file), links, size)
+
+    def sizes(self, reading: Reading) -> Array:
+        """Return torques over those of the file's links, shape (n,); NaN for those unlike them."""
+        sizes = np.full(len(self.motion[0].T), np.nan)
+        for k, (Yk, y) in enumerate(self._without_friction(reading)):
+            file = Yk @ self.file
+            lengths = float(np.linalg.norm(y)), float(np.linalg.norm(file))
+            if y @ file > c.ALIKE * lengths[0] * lengths[1] > 0:
+                sizes[k] = y @ file / lengths[1] ** 2
+        return sizes
 
     def other_gravity(self, plain: Reading) -> Iterator[Reading]:
         """Yield a reading with the direction of gravity that fits the torques best.

@@ -22,7 +22,9 @@ from sdt_drake.machine.identify.consistency import rigid_scale
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.robot.robot import Robot
 
-_SHARES = {"percent": 100.0, "per mille": 1000.0}
+SHARES = {"percent": 100.0, "per mille": 1000.0}
+"""Numbers that stand for a whole rated torque."""
+
 _SIDES = {"of the motors": "motor", "of the joints": "joint"}
 
 
@@ -75,7 +77,7 @@ def torque_unit(robot: Robot, eq: Equations) -> Unit | None:
     known, off = np.isfinite(found.spread), found.off
     scaled = {"in kN m": 1e-3 * ones, "in N mm": 1e3 * ones}
     geared = {"of the motors": 1 / robot.gear_ratio, "of the joints": robot.gear_ratio}
-    shares = _SHARES if np.isfinite(robot.effort_limit).all() else {}
+    shares = SHARES if np.isfinite(robot.effort_limit).all() else {}
     rated = {f"in {name} of the effort limit": x / robot.effort_limit for name, x in shares.items()}
     exact = scaled | (geared if np.all(robot.gear_ratio[off] > c.MIN_GEAR) else {}) | rated
     misses = {words: found.misses(size) for words, size in exact.items()}
