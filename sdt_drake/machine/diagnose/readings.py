@@ -9,18 +9,17 @@ The spread over blocks of time gives the standard error.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.arrays import Array
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose import explained
+from sdt_drake.machine.diagnose.alternatives import Reading, alternatives, in_shares, other_orders
 from sdt_drake.machine.diagnose.finding import Finding, finding
-from sdt_drake.machine.diagnose.orders import likely_orders
-from sdt_drake.machine.diagnose.units import SHARES, Unit, torque_unit
+from sdt_drake.machine.diagnose.units import Unit, torque_unit
 from sdt_drake.machine.identify.base_parameters import rigid_columns, rigid_parameters
 from sdt_drake.machine.identify.consistency import rigid_scale
 from sdt_drake.machine.identify.equations import Equations
@@ -28,32 +27,7 @@ from sdt_drake.machine.identify.estimation import solved
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 
-_RIGHT = np.pi / 2  # rad
 _LITTLE = 1e-3  # rad, for derivatives
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """A meaning of the columns of a recording."""
-
-    words: str
-    """The end of the sentence "torques are explained by ..."."""
-    write: str
-    """The entry in a mapping file; "" where none can express it."""
-    order: Index
-    """The torque column of each joint, from 0, shape (n,)."""
-    places: Index
-    """The position column of each joint, from 0, shape (n,)."""
-    turned: Array
-    """1, or -1 for a position with the opposite sign, shape (n,)."""
-    sign: Array
-    """1, -1 for a torque with the opposite sign, or a factor from its unit, shape (n,)."""
-    offset: Array
-    """Values added to positions [rad], shape (n,)."""
-    gravity: Array
-    """Gravity in the world frame [m/s²], shape (3,)."""
-    kind: str = "columns"
-    """Kind of its finding."""
 
 
 class Residuals(NamedTuple):
@@ -115,11 +89,14 @@ def better_readings(
     if unnamed is not None:
         rival = _Judge(robot, eq, unnamed.factor, gravity).left(plain)
     found = []
-    others = [*_other_orders(robot, judge, plain), *judge.other_gravity(plain)]
+    others = [
+        *other_orders(robot, judge.motion, judge.tau, judge.moves, plain),
+        *judge.other_gravity(plain),
+    ]
     if np.all(factor == 1) and not np.any(eq.known):  # a payload changes torques by definition
-        others += _in_shares(robot, judge, plain)
+        others += in_shares(robot.effort_limit, judge.sizes(plain), plain)
     free = judge.left(plain, c.LOOSER)
-    for reading in (*_alternatives(plain), *others):
+    for reading in (*alternatives(plain), *others):
         is_share = reading.kind != "columns"
         left = judge.left(reading, c.LOOSER if is_share else 1.0)
         size = left.size / reading.sign**2
@@ -211,83 +188,6 @@ def _score(before: Array, after: Array) -> Array:
 def _rms(left: Array) -> Array:
     """Return the RMS over all rows, shape (n,)."""
     return np.asarray(np.sqrt(left.mean(axis=0)))
-
-
-def _alternatives(plain: Reading) -> Iterator[Reading]:
-    """Yield all alternatives except other directions of gravity."""
-    order = plain.order
-    n = len(order)
-    for j, k in combinations(range(n), 2):
-        places = order.copy()
-        places[[j, k]] = k, j
-        words, write = f"tau_{j + 1} and tau_{k + 1} swapped", explained.entries(places + 1)
-        yield replace(plain, words=words, write=f"tau: in the order {write}", order=places)
-    if n > 2:
-        words, write = "columns from the tip to the base", "q and tau: in the order of the joints, "
-        write += "base to tip"
-        yield replace(plain, words=words, write=write, order=order[::-1], places=order[::-1])
-    words, write = "all torques with the opposite sign", explained.entries(-np.ones(n))
-    yield replace(plain, words=words, write=f"torque_factor: {write}", sign=-np.ones(n))
-    words = "torques without gravity: was it compensated, or subtracted?"
-    yield replace(plain, words=words, gravity=np.zeros(3))
-    for k in range(n):
-        sign = np.where(order == k, -1.0, 1.0)
-        torque, direction = (
-            f"torque_factor: {explained.entries(sign)}",
-            f"direction: {explained.entries(sign)}",
-        )
-        words = f"tau_{k + 1} with the opposite sign"
-        yield replace(plain, words=words, write=torque, sign=sign)
-        words = f"q_{k + 1} with the opposite sign"
-        yield replace(plain, words=words, write=f"{direction}, {torque}", turned=sign)
-        words = f"the opposite direction of joint {k + 1}"
-        yield replace(plain, words=words, write=direction, turned=sign, sign=sign)
-        for turn in (_RIGHT, -_RIGHT, 2 * _RIGHT):
-            words = f"an offset of q_{k + 1} by {round(np.degrees(turn))} degrees"
-            offset = np.where(order == k, turn, 0.0)
-            write = f"position_offset: {explained.entries(offset)}"
-            yield replace(plain, words=words, write=write, offset=offset)
-
-
-def _other_orders(robot: Robot, judge: "_Judge", plain: Reading) -> Iterator[Reading]:
-    """Yield the likely orders of torques, of positions, and of all columns, if they are others."""
-    if robot.n == 1:
-        return
-    torques, places, whole = likely_orders(robot, *judge.motion, judge.tau, judge.moves)
-    is_swap, is_reverse = (torques != plain.order).sum() <= 2, np.all(whole == plain.order[::-1])
-    for what, write, order, reading in (
-        ("torques", "tau", plain.order if is_swap else torques, replace(plain, order=torques)),
-        ("positions", "q and v", places, replace(plain, places=places)),
-        ("all columns", "q, v and tau", plain.order if is_reverse else whole,
-         replace(plain, order=whole, places=whole)),
-    ):  # fmt: skip
-        if np.any(order != plain.order):  # others are among the alternatives
-            words = f"swapped joints ({what} in another order)"
-            write += f": in the order {explained.entries(order + 1)}"
-            yield replace(reading, words=words, write=write)
-
-
-def _in_shares(robot: Robot, judge: "_Judge", plain: Reading) -> Iterator[Reading]:
-    """Yield torques in shares of the effort limits, by the size that the file's links tell.
-
-    A rated torque is a share of the limit.
-    """
-    limits = robot.effort_limit
-    sizes = judge.sizes(plain) * limits
-    known = np.isfinite(sizes)
-    if not known.any() or not np.isfinite(limits).all() or np.ptp(limits) == 0:
-        return
-    peak = float(np.exp(np.median(np.log(sizes[known]))))
-    for name, x in SHARES.items():
-        if c.PEAKS[0] < peak / x < c.PEAKS[1]:
-            is_limit = abs(np.log(peak / x)) < np.log(c.SAME_UNIT) / 2
-            factor = limits / (x if is_limit else peak)
-            entries = explained.entries(factor, 4)
-            words = f"torques in {name} of a rated torque, with a torque_factor of about {entries}"
-            write = ""
-            if is_limit:
-                words, write = f"torques in {name} of the effort limit", f"torque_factor: {entries}"
-            yield replace(plain, words=words, write=write, sign=factor, kind="unit/shares")
 
 
 class _Judge:

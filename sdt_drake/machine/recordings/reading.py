@@ -85,18 +85,7 @@ def read_recording(
     if columns.drop_incomplete:
         numbers = numbers.complete([*places_of_time(numbers, columns), *chain(*places.values())])
     time = times_of(numbers, columns)
-    conversions, signals = _conversions(robot.n, columns), {}
-    for name, found in places.items():
-        numbers.check_finite(found, or_else=OR_DROP)
-        signals[name] = numbers.data[:, found]
-        if name == "tau" and columns.torque_delay != 0:
-            signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
-        signals[name] *= conversions[name][0]  # in place, to save memory
-        if side == "motor" and name in TORQUES:
-            signals[name] = robot.joint_torque(signals[name])
-        if columns.position_side == "motor" and name in ANGLES:
-            signals[name] = robot.of_joints(signals[name])
-        signals[name] += conversions[name][1]
+    signals = _signals(numbers, columns, places, robot, time, side)
     factor = columns.time_factor if columns.rate is None else None
     notes = (*numbers.notes, *from_0)
     return Recorded(numbers.path, time, signals, own, factor, columns, by_names, notes)
@@ -180,6 +169,30 @@ def _places(
         if found:
             places[name] = found
     return places
+
+
+def _signals(
+    numbers: Numbers,
+    columns: Columns,
+    places: Mapping[str, list[int]],
+    robot: Robot,
+    time: Array,
+    side: str,
+) -> dict[str, Array]:
+    """Return the signals in SI units, joint side, shape (N, n) each."""
+    conversions, signals = _conversions(robot.n, columns), {}
+    for name, found in places.items():
+        numbers.check_finite(found, or_else=OR_DROP)
+        signals[name] = numbers.data[:, found]
+        if name == "tau" and columns.torque_delay != 0:
+            signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
+        signals[name] *= conversions[name][0]  # in place, to save memory
+        if side == "motor" and name in TORQUES:
+            signals[name] = robot.joint_torque(signals[name])
+        if columns.position_side == "motor" and name in ANGLES:
+            signals[name] = robot.of_joints(signals[name])
+        signals[name] += conversions[name][1]
+    return signals
 
 
 def _order_by_names(
