@@ -108,7 +108,7 @@ class IntendedIllusion(Input):
     from_start: bool = False
     """True for a baseline at start; goes in 0.7."""
     reported: str = ""
-    """What people report of such a motion, with the source."""
+    """Reports of people on such a motion, with the source."""
 
     @property
     def zero_at(self) -> float | None:

@@ -33,7 +33,7 @@ KINDS = (OF_THE_PAPER, BY_CONSTRUCTION, BEYOND)
 and ours on a plant that the paper does not have."""
 
 _AS_PRINTED = "the printed digits, rounded"
-"""What counts as agreement with a number, in words."""
+"""Criterion of agreement with a number, in words."""
 
 _UNPUBLISHED = (
     "the device's geometry, masses and the data of Figure 2 are not published; ours are calibrated "
@@ -60,7 +60,7 @@ class Claim:
     verdict: str
     """One of VERDICTS."""
     agrees: str
-    """What counts as agreement."""
+    """Criterion of agreement, in words."""
     why: str
     """Reason of the verdict, in one or two sentences."""
     in_short: str

@@ -143,7 +143,7 @@ class Intended:
 
     @property
     def needs_canals(self) -> bool:
-        """Whether a pilot without canals does not have the illusion."""
+        """True if a pilot without canals does not have the illusion."""
         return abs(self.force_alone.size) <= LEVELS[self.quantity]
 
     def is_felt(self, model: str) -> bool:

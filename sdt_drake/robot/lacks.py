@@ -1,4 +1,4 @@
-"""What a robot's file may lack, which only some uses need: masses, and limits of the motors."""
+"""Gaps of a robot's file that only some uses notice: masses, and limits of the motors."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from sdt_drake.io.shown import listed
 MASSES, TORQUES, SPEEDS = "masses", "torque limits", "speed limits"
 """Kinds of problems: moving links without mass, joints without a known limit."""
 PLANNING = MASSES, TORQUES, SPEEDS
-"""What planned motions and simulations need."""
+"""Needs of planned motions and simulations."""
 
 
 def lacks_of(

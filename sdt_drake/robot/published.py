@@ -1,4 +1,4 @@
-"""What published URDFs contain beside a robot: left out and told, or refused."""
+"""Contents of published URDFs beside a robot: left out and told, or refused."""
 
 import difflib
 import shlex

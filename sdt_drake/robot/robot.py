@@ -79,7 +79,7 @@ class Robot(Shown):
     held: Mapping[str, float] = field(default_factory=dict)
     """Positions of the joints of the file that are held, by their names [rad, m]."""
     lacks: tuple[Problem, ...] = ()
-    """What the file lacks for some uses: problems of the kinds that `having` takes."""
+    """Gaps of the file for some uses: problems of the kinds that `having` takes."""
 
     @property
     def n(self) -> int:

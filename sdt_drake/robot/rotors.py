@@ -1,4 +1,4 @@
-"""What links of a file lack of a real robot: rotors, which are assumed, and friction."""
+"""Parts of a real robot that a file's links lack: rotors, which are assumed, and friction."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ ASSUMPTION = (
     "the largest torque gives motor and gear without load "
     f"{MOTOR_ACCELERATION:g} rad/s² at the joint"
 )
-"""How `assumed_inertia` finds what a file does not have."""
+"""Assumption of `assumed_inertia`, in words."""
 
 
 def assumed_inertia(robot: Robot) -> Array:

@@ -45,13 +45,13 @@ class Weights:
     """Weights of squared errors, each over its threshold of perception [-]."""
 
     g: float = 1.0
-    """Of the specific force."""
+    """Weight of the specific force."""
     vertical: float = 1.0
-    """Of the felt vertical."""
+    """Weight of the felt vertical."""
     rotation: float = 1.0
-    """Of the felt rotation."""
+    """Weight of the felt rotation."""
     acceleration: float = 1.0
-    """Of the felt acceleration."""
+    """Weight of the felt acceleration."""
 
     def times(self, factor: float) -> Weights:
         """Return the weights with a factor on that of G, if it is below 1 on all but rotation.

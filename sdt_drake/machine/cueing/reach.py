@@ -1,4 +1,4 @@
-"""What a device can reach of a flight at most, told before any search."""
+"""The most that a device can reach of a flight, told before any search."""
 
 from dataclasses import dataclass
 

@@ -45,7 +45,7 @@ class CueingResult(Shown):
 
     @property
     def answer(self) -> str:
-        """What the motion gains over a device at rest and over alignment, and where it is worse."""
+        """Gains of the motion over a device at rest and over alignment, and its losses, in words."""
         own, rest, alignment = (
             x.errors(self.felt) for x in (self.chosen, self.rest, self.alignment)
         )
