@@ -45,7 +45,7 @@ class CueingResult(Shown):
 
     @property
     def answer(self) -> str:
-        """Gains of the motion over a device at rest and over alignment, and its losses, in words."""
+        """Gains and losses of the motion against a device at rest and alignment, in words."""
         own, rest, alignment = (
             x.errors(self.felt) for x in (self.chosen, self.rest, self.alignment)
         )
