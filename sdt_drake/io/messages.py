@@ -50,7 +50,11 @@ def _told(error: ErrorDetails, model: Any, *, is_file: bool) -> Iterator[Problem
     elif kind == "union_tag_invalid" and isinstance(data, dict):
         found = f"unknown kind {error['ctx']['tag']}"
     elif kind in ("too_short", "too_long") and data:
-        found, accepted = f"{len(data)} value(s)", f"{node['minItems']}"
+        least, most = node.get("minItems", 0), node.get("maxItems", "more")
+        found, accepted = (
+            f"{len(data)} value(s)",
+            f"{least}" if least == most else f"{least} to {most}",
+        )
     elif kind == "model" and not is_file:
         accepted = f"a {node['title']}"
     elif kind == "finite_number":

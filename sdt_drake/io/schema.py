@@ -212,7 +212,8 @@ def _parts(mapping: Schema, top: Schema, title: str, prefix: str, seen: set[str]
 
 
 def _count(field: Schema) -> str:
-    return f", {field['maxItems']} of them" if "maxItems" in field else ""
+    at_most = "" if "minItems" in field else "at most "
+    return f", {at_most}{field['maxItems']} of them" if "maxItems" in field else ""
 
 
 def _default(field: Schema) -> str:
