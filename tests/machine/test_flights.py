@@ -171,6 +171,13 @@ def test_hint_corrects_the_mapping_and_names_nothing_that_is_set(
         assert check_flight(read_flight(path, better)) == []
 
 
+@pytest.mark.parametrize(("entry", "is_asked"), [(1.1, False), (3.8, True), (0.3, True)])
+def test_unit_of_a_long_pull_is_asked_only_if_no_part_is_level(entry, is_asked):
+    size = np.where(np.arange(len(T)) < 0.15 * len(T), entry, 3.8) * GRAVITY
+    flight = make_flight(T, np.outer(size, [0, 0, 1]), 0 * F, "pull")
+    assert [x.kind.startswith("unit") for x in check_flight(flight)] == [True] * is_asked
+
+
 def test_rate_that_is_in_degrees_already_is_not_asked_for_degrees(tmp_path):
     path = tmp_path / "flight.csv"
     path.write_text(columns_of("time,a,b,c,d,e,f", [T, F, 16.4 * np.degrees(W) * 9]))

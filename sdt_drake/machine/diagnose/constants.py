@@ -133,6 +133,7 @@ MIN_STEP = 0.5  # [-] share of a step; limits that allow less end the learning
 
 LEAST_G = 0.5  # [G] that nine tenths of a flight are above
 MOST_G = 2.5  # [G] that half of a flight is below
+LEVEL_G = 1.3  # [G] that a fiftieth of a long pull is below, as it begins and ends level
 ONE_DIRECTION = 0.5  # [-] mean force over mean size of the force
 MAX_RATE = 6.283185307179586  # [rad/s] largest angular rate
 MAX_MEAN_RATE = 1.0  # [rad/s] mean angular rate

@@ -49,13 +49,15 @@ def _unit(force: Array, columns: FlightColumns) -> Generator[Doubt, None, float]
     """Yield a doubt about the unit of the force; return the factor to the likely one."""
     if _is_usual(force):
         return 1.0
-    low, usual = (float(x) / GRAVITY for x in np.quantile(_size(force), [0.1, 0.5]))
+    level, low, usual = (float(x) / GRAVITY for x in np.quantile(_size(force), [0.02, 0.1, 0.5]))
     now = columns.force_factor * FORCE_UNITS[columns.force_unit]
     ratios = {name: factor * FORCE_UNITS[x] / now for name, (_, x, factor) in _UNITS.items()}
     mean = np.linalg.norm(force.mean(axis=0)) / max(_size(force).mean(), 1e-300)
     has_gravity = mean > c.ONE_DIRECTION
     fits = [x for x, ratio in ratios.items() if has_gravity and _is_usual(ratio * force)]
     evidence = {"median_G": usual, "tenth_G": low}
+    if not fits and c.LEAST_G < level < c.LEVEL_G:
+        return 1.0  # a long pull, entered from level flight
     if not fits:
         kind = "unit/gravity" if low < c.LEAST_G else "unit/force"
         yield finding(kind, factor=columns.force_factor / max(usual, 1e-300), **evidence), {}
