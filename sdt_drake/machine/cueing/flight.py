@@ -16,7 +16,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Number, Positive, Problems, Values, field
 from sdt_drake.io.numbers import Numbers, read_numbers
-from sdt_drake.io.resources import find_file
+from sdt_drake.io.resources import find_file, shipped
 from sdt_drake.io.shown import higher
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.cueing.cleaning import (
@@ -310,6 +310,12 @@ def _with_proposal(error: InputError, path: str | Path) -> InputError:
     """Return the error with a proposed mapping that was tried, if the file can be recognised."""
     with suppress(InputError):  # no such file
         file = find_file(path, "flight")
+        for name in shipped("columns of a flight"):
+            with suppress(InputError):
+                text = f"{read_flight(file, name).duration:.4g} s of flight"
+                first, *others = error.problems
+                hint = f"{first.found}; the shipped mapping {name} (columns=...) reads {text}"
+                return InputError(first._replace(found=hint), *others)
         proposed = higher("machine.cueing.flight_proposal:proposal")(file)
         return error if proposed is None else proposed.after(error)
     return error
