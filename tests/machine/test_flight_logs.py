@@ -144,10 +144,9 @@ def test_shipped_mapping_reads_a_log(tmp_path, name):
     *head, row = LOGS[name].rstrip("\n").split("\n")
     path = tmp_path / "log.csv"
     path.write_text("\n".join([*head, *(row.replace("{t}", str(t)) for t in range(1, 6))]) + "\n")
-    with pytest.raises(
-        InputError, match=rf"; the shipped mapping {name} \(columns=...\) reads 4 s"
-    ):
-        read_flight(path)
+    if name in ("fdr", "g1000"):  # without columns of rates, nothing is proposed
+        with pytest.raises(InputError, match=rf"shipped mapping {name} \(columns=...\) reads 4 s"):
+            read_flight(path)
     flight = read_flight(path, name)
     assert flight.duration == pytest.approx(4)
     force, rate = flight.specific_force[0], flight.angular_rate[0]

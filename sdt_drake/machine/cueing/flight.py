@@ -307,17 +307,18 @@ def _cleaned(
 
 
 def _with_proposal(error: InputError, path: str | Path) -> InputError:
-    """Return the error with a proposed mapping that was tried, if the file can be recognised."""
+    """Return the error with a mapping that was tried, or the name of a shipped one that reads."""
     with suppress(InputError):  # no such file
         file = find_file(path, "flight")
+        proposed = higher("machine.cueing.flight_proposal:proposal")(file)
+        if proposed is not None:
+            return proposed.after(error)
         for name in shipped("columns of a flight"):
             with suppress(InputError):
                 text = f"{read_flight(file, name).duration:.4g} s of flight"
                 first, *others = error.problems
                 hint = f"{first.found}; the shipped mapping {name} (columns=...) reads {text}"
                 return InputError(first._replace(found=hint), *others)
-        proposed = higher("machine.cueing.flight_proposal:proposal")(file)
-        return error if proposed is None else proposed.after(error)
     return error
 
 
