@@ -53,11 +53,12 @@ def plan(
     if drive is not None:  # before the motions are planned, which takes longer
         load_drives(drive, robot_of(scenario).n)
     planned = sdt.accept_plan(scenario, spec)
-    write_plan(planned, out, drive)
-    echo(f"{planned.summary().title}, written into {out}")
+    echo(f"Acceptance test {planned.summary().title}")
     for line in planned.left_out:
         echo(f"note: {line}")
     print_table(*planned.summary()[1:3])
+    write_plan(planned, out, drive)
+    echo(f"{out} written")
     echo("Obstacles and people in the machine are not taken into account.")
     echo(
         f"next: record each motion with q and q_ref, then sdt-drake accept judge {out} RECORDING..."
@@ -107,8 +108,10 @@ def predict(
         spec: file of tests and limits, or the name of a shipped one
         out: as for `accept judge`
     """
+    from sdt_drake.machine.accept.predict import predicted
+
     _check(out)
-    accepted = sdt.accept_predict(sdt.load(scenario, dict(given.changes)), spec)
+    accepted = predicted(sdt.load(scenario, dict(given.changes)), spec, echo)
     _deliver(accepted, f"{accepted.robot.name}, simulated as {scenario}", out)
 
 

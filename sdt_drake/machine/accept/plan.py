@@ -13,6 +13,7 @@ from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check_joints
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.names import leaves
+from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, numbered
 from sdt_drake.io.yaml_files import write_yaml, yaml_text
 from sdt_drake.machine.accept.shapes import Shape, joined, sine, steps, triangle, turns
@@ -358,7 +359,7 @@ def write_plan(plan: AcceptancePlan, folder: Path, drives: str | Path | None = N
         write_text(new / SCENARIO, yaml_text(scenario, {**places, "motion": first}))
         write_yaml(new / SPEC, plan.spec)
         write_yaml(new / MANIFEST, manifest)
-        for one in plan.motions:
+        for one in with_progress(plan.motions):
             one.motion.to_csv(new / one.tests.name / MOTION)
             if drives is not None:
                 design = make_design(scenario, robot=plan.device, motion=one.motion)

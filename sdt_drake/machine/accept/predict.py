@@ -1,5 +1,6 @@
 """Predict the acceptance test of a device: plan, simulate and judge it."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from sdt_drake.io.arguments import instance_of, takes
@@ -28,16 +29,37 @@ def accept_predict(scenario: Scenario, spec: Acceptance | str | Path = "acceptan
     Raises:
         InputError: as `accept_plan` and `accept_judge`.
     """
+    return predicted(scenario, spec, lambda line: None)
+
+
+def predicted(
+    scenario: Scenario, spec: Acceptance | str | Path, say: Callable[[str], None]
+) -> Accepted:
+    """Do what `accept_predict` does, and say before and after each motion how far it is.
+
+    Args:
+        scenario: as there.
+        spec: as there.
+        say: called with each line.
+
+    Raises:
+        InputError: as there.
+    """
     if scenario.plant.kind != "coupled":
         raise InputError("axis, expected coupled, which moves the head", place="plant.kind")
     plan = accept_plan(scenario, spec)
+    say(f"Acceptance test {plan.summary().title}, to simulate")
 
     def run(one: PlannedMotion) -> Recording:
         return simulate(make_design(scenario, robot=plan.device, motion=one.motion))
 
     with threads(2) as pool:
         ran = with_progress(pool.map(run, plan.motions), len(plan.motions))
-        runs = {x.tests.name: made for x, made in zip(plan.motions, ran, strict=True)}
+        runs, done = dict[str, Recording](), 0.0
+        for one, made in zip(plan.motions, ran, strict=True):
+            runs[one.tests.name] = made
+            done += one.motion.duration
+            say(f"{one.tests.name}: {done:.0f} of {plan.duration:.0f} s simulated")
     recorded = [
         Recorded(
             Path(f"{name}/run.csv"), run.time,
