@@ -65,7 +65,6 @@ GIVEN = {
     "recording": [
         "init my_robot --robot my.urdf", "simulate my_robot/scenario.yaml --out log.csv",
     ],
-    "acceptance_test": ["init my_robot --robot my.urdf"],
     "learn": [
         "list real_device > my_machine.yaml",
         "simulate my_machine.yaml --out run_1.csv",

@@ -20,7 +20,7 @@ sdt-drake pilot scenario.yaml                         motion that the pilot feel
 sdt-drake plan motion.yaml --robot robot.sdf          torques and speeds of the motors
 sdt-drake study run study.yaml --workers 2 --out mc   many devices; needs sdt_drake[study]
 
-Edit the files, or change single fields: --set controller.kind=pi
+Edit the files, or change single fields: --set plant.kind=axis
 All fields of all files: sdt-drake docs files"""
 
 _NEXT_OF_OWN = (
@@ -33,7 +33,7 @@ _NEXT_OF_OWN = (
     ("accept plan scenario.yaml --spec acceptance.yaml --drive drives.yaml", "its motions"),
     ("export scenario.yaml --drive drives.yaml --out exported", "the motion as files for drives"),
     ("excite {robot} --out excite.yaml", "a motion to identify masses and friction"),
-    ("simulate scenario.yaml --out run.csv", "a simulated recording for the next command"),
+    ("simulate scenario.yaml --set motion=excite.yaml --out run.csv", "its simulated recording"),
     ("identify {robot} run.csv --columns columns.yaml --out found", "the identified robot"),
     ("study run study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
 )

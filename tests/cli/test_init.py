@@ -44,6 +44,8 @@ def test_commands_that_init_prints_run(own, good, tmp_path):
     # Motor side, by hand: m a² of what is at the end of the arm, m d² of the payload, the motor's.
     arm = 900 + 800 * 0.2**2 + (120 + 90 + 120) * 1.8**2 + 50 + 20 + 10
     largest = [arm / 50**2 + 0.02, 40 + 18 + 4 + 1.2 + 0.15, 18 + 9 + 1.2 + 0.08]
+    name, value = re.search(r"single fields: --set (.*)=(.*)\n", own).groups()
+    make_design(load_scenario("scenario.yaml", {name: value}))
     design = make_design(load_scenario("scenario.yaml"))
     np.testing.assert_allclose(design.inertia.maximum, largest, rtol=1e-6)
     study, base = load_study(ran["study"][2])
