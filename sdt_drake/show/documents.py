@@ -271,7 +271,8 @@ class _Page:
         return self.parser.renderInline(doc.marked(text))
 
     def _table(self, table: doc.Table) -> str:
-        styles = [' style="text-align:right"' if right else "" for right in table.is_numeric()]
+        right = ' style="text-align:right"'
+        styles = ["", *(right if numeric else "" for numeric in table.is_numeric()[1:])]
         head = [
             f"<th{look}>{_BREAK.sub('<wbr>', self.inline(x))}</th>"
             for x, look in zip(table.header, styles, strict=True)

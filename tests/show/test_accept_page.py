@@ -1,6 +1,7 @@
 """The two sheets of an acceptance test: verdicts first, what is worst, what is left out."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -55,6 +56,8 @@ def test_tables_have_the_worst_of_each_limit_and_the_largest_of_each_joint(accep
     limits = {row[0]: row[2:] for row in tables["limits"].rows}
     assert limits["acceleration noise"] == ("2 roll at 2 Hz", "6.00 ± 0.40 %", "pass")
     assert limits["gain of the chain"] == ("roll at 0.016 Hz", "0.200 dB", "pass")
+    order = "gain", "acceleration noise", "hysteresis", "dynamic threshold", "pose repeatability"
+    assert [*limits] == [x for x in order if x in limits] + ["gain of the chain"]
     joints = {row[0]: row[1:] for row in tables["joints"].rows}
     assert joints["acceleration noise [%]"] == ("–", "6.00 ± 0.40", "–", "–")
     assert joints["dynamic threshold [ms]"] == ("–", "∞", "–", "–")
@@ -71,9 +74,25 @@ def test_two_sheets_and_a_table_of_all_numbers_are_written(accepted, tmp_path):
     assert (
         text.index("Sheet 1") < text.index("3 pitch, excursion: no stops") < text.index("<figure")
     )
+    form = text[text.index("accepted by") : text.index("Sheet 1")]
+    assert len(re.findall("…{10,}", form)) == 4  # lines to write on
     with (page.parent / "acceptance.csv").open(encoding="utf-8", newline="") as file:
         rows = [*csv.DictReader(file)]
     assert len(rows) == len(accepted.characteristics)
     assert [row["verdict"] for row in rows] == [x.verdict for x in accepted.characteristics]
     assert rows[1]["value"] == "1.5" and rows[1]["unit"] == "dB"
     assert {row["quantity"] for row in rows} <= {*QUANTITIES}
+
+
+def test_each_joint_and_channel_of_the_figure_has_a_colour_of_its_own(robot):
+    joints = [f"{k} joint" for k in (1, 2, 3, 4)]
+    numbers = [
+        number("sine", place, "gain", 0.5, 0.1) for x in joints for place in (x, f"head sway, {x}")
+    ]
+    numbers += [number("chain", x, "gain", 0.3, 0.1) for x in ("surge", "roll", "pitch", "yaw")]
+    axes = Accepted(robot, Acceptance(), tuple(numbers), ()).plot().axes[:2]
+    colours = [bars.lines[0].get_color() for ax in axes for bars in ax.containers]
+    assert len(colours) == len({*colours}) == 8
+    for ax in axes:  # in less than a decade, too
+        low, high = ax.get_xlim()
+        assert any(low <= x <= high for x in ax.get_xticks())

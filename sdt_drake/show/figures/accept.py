@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from sdt_drake.io.arguments import typed
 from sdt_drake.machine.accept.results import QUANTITIES, Accepted, Characteristic
@@ -34,19 +35,20 @@ def accept_figure(accepted: Accepted) -> Figure:
             metric = QUANTITIES[quantity]
             ax.set(xscale="log", xlabel=label, ylabel=metric.label)
             ax.set_title("cueing chain" if kind == "chain" else "joints", loc="left")
+            ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
             style.plain_numbers(ax.xaxis)
         return style.finish(figure, f"Acceptance test of {accepted.robot.name}")
 
 
 def _panel(ax: Axes, accepted: Accepted, kind: str, quantity: str) -> None:
     by_place: dict[str, list[Characteristic]] = {}
-    for x in accepted.characteristics:
-        is_own = x.kind == kind and x.quantity == quantity and not x.place.startswith("head ")
-        if is_own and np.isfinite(x.value):
+    drawn = [x for x in accepted.characteristics if not x.place.startswith("head")]
+    places = [*dict.fromkeys(x.place for x in drawn)]
+    for x in drawn:
+        if x.kind == kind and x.quantity == quantity and np.isfinite(x.value):
             by_place.setdefault(x.place, []).append(x)
     for place, numbers in by_place.items():
-        own = [x.place for x in accepted.characteristics]
-        look = style.nth_look(sorted(set(own), key=own.index).index(place))
+        look = style.nth_look(places.index(place))
         at, factor = [x.at for x in numbers], numbers[0].metric.factor
         value, low, high = factor * np.array([(x.value, x.low, x.high) for x in numbers]).T
         ax.errorbar(

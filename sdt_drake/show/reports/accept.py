@@ -84,9 +84,8 @@ def write_accepted(accepted: Accepted, title: str, folder: Path) -> Path:
         InputError: if a file cannot be written.
     """
     tables = accept_tables(accepted)
-    blank = Table(
-        ("machine, serial number", "place, date", "tested by", "accepted by"), [["\u2003" * 12] * 4]
-    )
+    names = "machine, serial number", "place, date", "tested by", "accepted by"
+    form = Table(names, [["…" * 14] * 4])  # dotted lines to write on
     caption = "Bars are intervals of 95 %, grey lines limits. Left: gain and phase of the joints."
     figure = Picture(f"{_FIGURE}.png", caption, accepted.plot())
     responses = filter(None, (tables["sines"], tables["chain"]))
@@ -95,7 +94,7 @@ def write_accepted(accepted: Accepted, title: str, folder: Path) -> Path:
         f"Not done, or not in full: {'; '.join(accepted.left_out)}." if accepted.left_out else None
     )
     report = written("accept", {
-        "title": title, "findings": bullets(accept_findings(accepted)), "form": blank,
+        "title": title, "findings": bullets(accept_findings(accepted)), "form": form,
         "left_out": left_out, **tables,
         "sheet": Box("div", sheet, ' class="sheet"'),
     })  # fmt: skip
@@ -109,13 +108,14 @@ def write_accepted(accepted: Accepted, title: str, folder: Path) -> Path:
 
 
 def _worst(accepted: Accepted) -> list[Characteristic]:
-    """Return the worst number of each limit: first those that fail, then by their excess."""
+    """Return the worst number of each limit, in the order of QUANTITIES and the chain last."""
     found: dict[tuple[object, ...], Characteristic] = {}
     for x in accepted.characteristics:
         key = x.quantity, x.least, x.most, x.kind == "chain"
         if x.is_limited and (key not in found or _rank(x) < _rank(found[key])):
             found[key] = x
-    return [*found.values()]
+    order = [*QUANTITIES]
+    return sorted(found.values(), key=lambda x: (x.kind == "chain", order.index(x.quantity)))
 
 
 def _rank(x: Characteristic) -> tuple[int, float]:
