@@ -103,7 +103,8 @@ def test_commands_run_in_their_order_in_an_empty_folder(
         request.getfixturevalue("one_second")
     shutil.copy(ROOT / "tests/helpers/robot_files/arm.urdf", "my.urdf")
     for yaml in re.findall(r"^```yaml\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL):
-        Path("motion.yaml").write_text(yaml, encoding="utf-8")
+        named = re.match(r"# (\w+\.yaml)\n", yaml)
+        Path(named[1] if named else "motion.yaml").write_text(yaml, encoding="utf-8")
     for line in given + commands_of(PAGES[page]):
         if line.startswith(OWN_TESTS):
             continue
