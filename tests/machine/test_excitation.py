@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.command_line import ARM
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.excitation import RATE, excite
 from sdt_drake.machine.identify.limits import Limits, assumed
 from sdt_drake.machine.identify.targets import Target
@@ -64,6 +65,20 @@ def test_expected_deviations_equal_those_of_fits_to_noise(arm, excitation):
     assert target.noise == pytest.approx([1, 1])
     condition = np.linalg.cond(X / np.linalg.norm(X, axis=0))
     assert condition == pytest.approx(excitation.condition, rel=0.02)
+
+
+def test_weak_motors_shrink_the_motion_and_too_weak_ones_are_refused(arm):
+    """Gravity takes 39.2 N m of the shoulder while the arm is level."""
+    level = {"position_lower": np.full(2, -0.2), "position_upper": np.full(2, 0.2)}
+
+    def found(efforts):
+        robot = replace(arm, effort_limit=np.array(efforts), **level)
+        return excite(Target.everything(robot), 5.0, thorough=False)
+
+    used = found([55.0, 14.0]).used
+    assert max(x.max() for x in used.values()) <= 0.8 + 1e-6 and used["torque"].min() > 0.7
+    with pytest.raises(InputError, match="joint 1 exceeds its torque limit even at rest"):
+        found([20.0, 14.0])
 
 
 def test_a_payload_is_excited_gently(arm):

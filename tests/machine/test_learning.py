@@ -269,6 +269,18 @@ def test_learned_torque_removes_quick_errors_within_its_limit(cascade):
     assert most.max() == pytest.approx(0.5)
 
 
+def test_a_step_beyond_a_limit_is_reduced_to_the_share_within_it(cascade):
+    """Of twice the error half as much: both end at the same motion."""
+    design = cascade()
+    filter_ = design_filter(design, loops_of(design, "reference"), "reference")
+    error = 20 * run_trial(design, 1).seen
+    one, two = (next_step(design, filter_, factor * error) for factor in (1, 2))
+    assert 0 < two.share < one.share < 1 and two.share == pytest.approx(one.share / 2, abs=1e-3)
+    assert one.note == f"step reduced to {int(100 * one.share)} %: {one.limit}"
+    torque = np.abs(checked_torque(design.device.nominal, one.learned.motion)).max(axis=0)
+    assert (torque / design.device.nominal.effort_limit).max() == pytest.approx(1, abs=2e-3)
+
+
 def test_learning_stops_when_unfelt_unimproved_growing_or_limited():
     def tried(*scores, felt=0.5):
         return [SimpleNamespace(score=score, felt=felt) for score in scores]
