@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.robots import WRIST, loaded
+from helpers.robots import WRIST, chain_sdf, loaded
 
 import sdt_drake as sdt
 from sdt_drake.analysis.stop_setting import make_setting
@@ -17,6 +17,8 @@ from sdt_drake.pilot.head import GRAVITY, head_motion_of_samples
 from sdt_drake.robot.brakes import Brakes
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.robot.motors import DeviceChoice, load_catalogue
+from sdt_drake.show.figures.stops import course_panels
+from sdt_drake.show.reports.stops import stop_findings
 
 SDT = sdt.load_robot()
 J = SDT.mass_matrix(SDT.context_at_zero())[0, 0]  # kg m², of the arm
@@ -75,6 +77,36 @@ def test_the_head_feels_the_arm_and_its_brake():
     assert worst(result, "head_acceleration").value == pytest.approx(slowing, rel=1e-6)
     assert worst(result, "stopping_time", 1).value == pytest.approx(delay + J * W / T)
     assert worst(result, "brake_energy", 1).value == pytest.approx(J * W**2 / 2, rel=1e-5)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_brakes_take_the_energy_of_a_robot_with_any_number_of_joints(n):
+    """Without friction that is the kinetic one, and the potential one that it loses."""
+    robot = loaded(chain_sdf(n, motors={"damping": np.zeros(n)}))
+    none = np.zeros(n)
+    brakes = Brakes(static=none + 1e6, dynamic=none + 200, delay=none, inertia=none, energy=none)
+    setting = make_setting(robot, Stopping(motors=["AC-203"] * n), DeviceChoice())
+    setting = dataclasses.replace(setting, brakes=brakes)
+    motion = Motion.from_speeds(0.005, none, np.ones((3, n)))
+    result = along(setting, motion)
+
+    def energy(q, v):
+        context = robot.context_at_zero()
+        robot.plant.SetPositions(context, q)
+        return v @ robot.mass_matrix(context) @ v / 2 + robot.plant.CalcPotentialEnergy(context)
+
+    for k, time in enumerate(result.time):
+        lost = energy(motion.q[k], motion.v[k]) - energy(result.course(time).q[-1], none)
+        assert result.figures["brake_energy"][k].sum() == pytest.approx(lost, rel=1e-3)
+    assert "G" not in "".join(stop_findings(result)) and len(result.worst) == 5 * n
+    assert len(course_panels(result, result.course(0.0))) == 2  # none of G, as it has no head
+
+
+def test_a_run_of_another_robot_is_refused():
+    design = sdt.design(sdt.load("coupled_pi"), motion=turning(duration=0.02))
+    run = sdt.simulate(design)
+    with pytest.raises(InputError, match=r"run: 3 joints, expected 4$"):
+        stops(design, STOP, run=dataclasses.replace(run, q=run.q[:, :3]))
 
 
 def test_a_sudden_change_of_g_is_measured_over_the_window():

@@ -31,6 +31,11 @@ def check_same_numbers(shown: list, expected: list, name: str) -> None:
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-3 * size, err_msg=name)
 
 
+def unpacked(message: bytes, count: int) -> np.ndarray:
+    """The last numbers of a message of Meshcat; a pose has the columns of its matrix."""
+    return np.frombuffer(message[-9 * count :], [("type", "u1"), ("number", ">f8")])["number"]
+
+
 def _legends(figure) -> list:
     return list(filter(None, [*figure.legends, *(ax.get_legend() for ax in figure.axes)]))
 

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from helpers.figures import unpacked
 from helpers.robots import RATE_TABLE, SEVEN
 
 from sdt_drake.robot.robot import load_robot
@@ -111,8 +112,7 @@ def test_meshcat_sliders_move_robot_and_axes(own, monkeypatch):
     joint, at_zero = shown.marks[path]
     zero, moved = (poses(own, angles, ["link_7"])[0] for angles in (np.zeros(7), q))
     expected = moved @ np.linalg.inv(zero) @ at_zero.GetAsMatrix4()
-    packed = shown.scene.meshcat._GetPackedTransform(path)[-16 * 9 :]
-    drawn = [np.frombuffer(packed[9 * i + 1 : 9 * i + 9], ">f8")[0] for i in range(16)]
+    drawn = unpacked(shown.scene.meshcat._GetPackedTransform(path), 16)
     np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, expected, atol=1e-9)
     centre = own.plant.GetBodyByName("link_7").default_spatial_inertia().get_com()
     assert joint == 6 and np.any(centre != 0)

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers.figures import unpacked
 from helpers.motions import TIME, smooth
 from helpers.robots import ARM
 from pydrake.multibody.parsing import Parser
@@ -107,11 +108,9 @@ def test_meshes_that_cannot_be_drawn_are_left_out_and_named(draw, caplog):
 
 
 def test_floor_is_below_all_links(robot, meshcat):
-    """A packed transform has the columns of its matrix."""
     frames = make_frames(robot, TIME, smooth(robot)[0])
     Scene(robot, frames, meshcat)
-    packed = meshcat._GetPackedTransform("/floor")[-16 * 9 :]
-    matrix = [np.frombuffer(packed[9 * i + 1 : 9 * i + 9], ">f8")[0] for i in range(16)]
+    matrix = unpacked(meshcat._GetPackedTransform("/floor"), 16)
     context = robot.plant.CreateDefaultContext()
     robot.plant.SetPositions(context, frames.q[0])
     pose = robot.plant.GetFrameByName("head").CalcPoseInWorld(context)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.figures import unpacked
 from helpers.motions import TIME, smooth
 from helpers.robots import URDF
 from helpers.robots import loaded as loaded_robot
@@ -283,23 +284,40 @@ def test_page_of_a_robot_without_head_and_of_a_browser_without_webgl(open_page, 
 
 def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
     """By a clock of its own, on which each picture takes longer than there is for it."""
-    shown, now, show = [], [0.0], Scene.show
+    shown, now, show, scenes = [], [0.0], Scene.show, set()
     clock = SimpleNamespace(
         perf_counter=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
     )
 
     def spy(scene, k, **options):
         shown.append((scene.frames.time[k], now[0]))
+        scenes.add(scene)
         now[0] += 0.05  # slower than two pictures at twice the speed
         show(scene, k, **options)
 
     monkeypatch.setattr(viewer, "clock", clock)
     monkeypatch.setattr(Scene, "show", spy)
     addresses = []
-    viewer.play(robot, TIME, smooth(robot)[0], rate=2.0, once=True, announce=addresses.append)
+    q = smooth(robot)[0]
+    viewer.play(robot, TIME, q, rate=2.0, pilot=True, once=True, announce=addresses.append)
     assert re.fullmatch(r"http://localhost:\d+", *addresses)
     motion, wall = np.array(shown[1:]).T  # the first one is there before the clock starts
     assert motion[0] == 0 and motion[-1] == 2.0
     late = (wall - wall[0]) * 2.0 - motion
     assert np.all(late > -1e-9) and np.all(late < 0.05 * 2.0 + 2 / FRAME_RATE)
     assert len(motion) < 30  # 61 pictures, of which there was time for some
+
+    # The camera is in the head, looks forward, and is upright with it; Meshcat's y is upwards.
+    (scene,) = scenes
+    parts = re.findall(r'base64,([\w+/]+=*)"', scene.meshcat.StaticHtml())
+    messages = [base64.b64decode(part) for part in parts]
+
+    def told(key, count=3):
+        return unpacked(next(x for x in messages if key in x), count)
+
+    eye, looked = told(b"property\xa8position"), told(b"set_target")
+    up = np.hstack([told(b"property\xa4up.%c" % axis, 1) for axis in b"xyz"])
+    head, turned = scene.frames.head, np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    np.testing.assert_allclose(turned @ eye, head.position[-1], atol=1e-9)
+    np.testing.assert_allclose(turned @ (looked - eye), head.rotation[-1][:, 0], atol=1e-9)
+    np.testing.assert_allclose(turned @ up, head.rotation[-1][:, 2], atol=1e-9)
