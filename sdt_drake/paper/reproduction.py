@@ -104,12 +104,12 @@ def reproduce(watch: Stopwatch) -> Reproduction:
             structure: step_response(STRUCTURES[structure], zeta, i_eff_1, OMEGA_R)
             for structure, zeta in FIGURE4_ZETA.items()
         }
-    # No Python runs inside these loops.
+    # No Python runs inside the loops, but in the perception models: they begin beside the loops.
     with watch.stage("simulations"), threads(2) as pool:
+        reported = pool.submit(validate)
         runs = pool.map(_run, repeat(design), _CASES)
         # Files may be written before these runs are finished.
         more = [pool.submit(run_of, label, design_with(design, label)) for label in _NOT_IN_PAPER]
-        reported = pool.submit(validate)
         by_case = dict(zip(_CASES, with_progress(runs, len(_CASES)), strict=True))
     return Reproduction(design, steps, by_case, more, reported, watch.seconds)
 

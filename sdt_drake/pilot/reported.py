@@ -6,6 +6,7 @@ Motions, reports and sources are in reported.yaml.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from sdt_drake.io.yaml_files import read_yaml
 from sdt_drake.pilot.observer import PERCEPTION
 from sdt_drake.pilot.orientation import perceive
 from sdt_drake.pilot.reported_motions import MOTIONS
-from sdt_drake.run.threads import threads
 
 LEGEND = (
     "✓: within one standard deviation of the reported mean, or within the reported range. A signed "
@@ -77,13 +77,10 @@ class Judged:
 def validate(models: Sequence[str] = ()) -> list[Judged]:
     """Predict each motion of reported.yaml with parameter sets, by default all shipped ones."""
     models = models or tuple(shipped(PERCEPTION))
-    pairs = [(motion, model) for motion in MOTIONS for model in models]
     predicted: dict[str, dict[str, float]] = {}
-    with threads(2) as pool:  # Drake steps without the interpreter lock
-        results = pool.map(lambda pair: list(pair[0](partial(perceive, model=pair[1]))), pairs)
-        for (_, model), numbers in zip(pairs, results, strict=True):
-            for id_, value in numbers:
-                predicted.setdefault(id_, {})[model] = value
+    for motion, model in product(MOTIONS, models):
+        for id_, value in motion(partial(perceive, model=model)):
+            predicted.setdefault(id_, {})[model] = value
     return [_judged(text, predicted[text["id"]]) for text in _texts()]
 
 

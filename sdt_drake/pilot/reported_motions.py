@@ -98,9 +98,9 @@ def _turn_slower(feel: Feel) -> Numbers:
     felt = head.felt_by(feel)
     yield "turn_slower", _inwards(felt, 12.5)
     yield "turn_slower_fading", _fading(felt.time, felt.roll, 12.5)
-    down = head.seen_from(_SUPINE).felt_by(feel).gravity
-    displaced = np.degrees(np.arctan2(down[:, 1], -down[:, 0]))
-    yield "turn_slower_supine", float(np.interp(12.5, head.time, displaced))
+    rising = _gondola(60, rise=12.5, hold=0, arm=_LONG_ARM)
+    down = rising.seen_from(_SUPINE).felt_by(feel).gravity[-1]
+    yield "turn_slower_supine", float(np.degrees(np.arctan2(down[1], -down[0])))
 
 
 def _aircraft(feel: Feel) -> Numbers:

@@ -54,6 +54,7 @@ def make_simulator(
     accuracy: float,
     realtime_rate: float = 0.0,
     simulation: SimulationChoice = BY_DEFAULT,
+    context: Context | None = None,
 ) -> Simulator:
     """Make a simulator for samples every `period` [s]; it is not initialized.
 
@@ -61,7 +62,7 @@ def make_simulator(
     step is a little above the period: with the period itself, every few samples a second step of
     1e-16 s would follow.
     """
-    simulator = Simulator(diagram)
+    simulator = Simulator(diagram, context)
     new_integrator(simulator, period, accuracy, realtime_rate, simulation)
     return simulator
 

@@ -1,6 +1,7 @@
 """The observer of orientation against closed forms, its symmetries, and published numbers."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -95,6 +96,17 @@ def test_observer_takes_uneven_samples_from_any_time():
     felt = perceive(time[keep] + 1000, force[keep], rate[keep])
     np.testing.assert_array_equal(felt.time, time[keep] + 1000)
     np.testing.assert_allclose(felt_of(felt), usual[keep], atol=2e-2)
+
+
+def test_coarse_samples_are_felt_as_the_lines_between_them_in_any_thread():
+    """They have an integrator of their own, which only one thread at a time may use."""
+    time, *coarse = flight(0.1)
+    fine = np.linspace(0, 5, 501)
+    lines = [np.array([np.interp(fine, time, column) for column in x.T]).T for x in coarse]
+    expected = felt_of(perceive(fine, *lines))[::10]
+    with ThreadPoolExecutor(4) as pool:
+        for felt in pool.map(lambda _: perceive(time, *coarse), range(8)):
+            np.testing.assert_allclose(felt_of(felt), expected, atol=2e-3)
 
 
 def swing(radial):
