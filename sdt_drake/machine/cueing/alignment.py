@@ -19,8 +19,12 @@ _STEPS, _FIRST_STEPS = 3, 30  # Newton steps at each knot, and at the first one
 _HELD, _FIRST_HELD = 0.05, 1e-3  # weight of the distance from the knot before
 _MAX_STEP = 0.3  # of Newton's method [rad, or rad/s of an arm]
 _MIN_ARM_SPEED = 0.05  # rad/s; keeps the sense of rotation of the arm
-_WASHOUT = 1.0  # time constant of the return from a rotation [s]
-_TILT = 1.0  # time constant of the low pass of the tilt [s]
+
+WASHOUT = 1.0
+"""Time constant of the return from a rotation, in a classical washout [s]."""
+
+TILT = 1.0
+"""Time constant of the low pass of its tilt [s]."""
 
 _POSTURES = 8  # starts of the search for a posture
 _OVERLOAD = 10.0  # weight of torque beyond its limit, as a share, beside the tilt [rad]
@@ -77,36 +81,46 @@ def aligned(problem: Problem, starts: Sequence[Start]) -> Array:
     Returns:
         Angles [rad], shape (starts, N, n).
     """
-    n = problem.robot.n
     spin = np.array([float(sense) for sense, _ in starts])
-    x = np.zeros((len(starts), n))
+    x = np.zeros((len(starts), problem.robot.n))
     x[:, -1] = [seat for _, seat in starts]
     if problem.arm:
         x[:, 0] = spin
-    lower, upper = problem.stops(SPEED_SHARE * problem.robot.top_speed[0])
-    x = np.clip(x, lower, upper)
-    moves = 1e-5 * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
-
-    def followed(x: Array, goal: Array, steps: int, held: float) -> Array:
-        before = x
-        for _ in range(steps):
-            around = (x[:, None] + moves).reshape(-1, n)
-            shown = _static_force(problem, around).reshape(len(x), -1, 3)
-            J = ((shown[:, 1 : n + 1] - shown[:, n + 1 :]) / 2e-5).transpose(0, 2, 1)
-            A = J.transpose(0, 2, 1) @ J + held * np.eye(n)
-            b = np.einsum("sij,si->sj", J, goal - shown[:, 0]) - held * (x - before)
-            step = np.linalg.solve(A, b[..., None])[..., 0]
-            x = np.clip(x + np.clip(step, -_MAX_STEP, _MAX_STEP), lower, upper)
-            if problem.arm:
-                x[:, 0] = spin * np.maximum(spin * x[:, 0], _MIN_ARM_SPEED)
-        return x
-
-    x = followed(x, problem.head[0, :3] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
+    goals = problem.head[:, :3] / GRAVITY
+    x = nearer(problem, x, goals[0], spin, first=True)
     found = []
-    for goal in problem.head[:, :3] / GRAVITY:
-        x = followed(x, goal, _STEPS, _HELD)
+    for goal in goals:
+        x = nearer(problem, x, goal, spin)
         found.append(x)
     return np.stack(found, axis=1)
+
+
+def nearer(problem: Problem, x: Array, goal: Array, spin: Array, *, first: bool = False) -> Array:
+    """Return angles in the form of `aligned` after steps of Newton's method to a force.
+
+    Args:
+        problem: The problem.
+        x: Angles to begin with, shape (starts, n).
+        goal: Force at the head [G], shape (3,).
+        spin: Senses of rotation of the arm, shape (starts,).
+        first: True for more steps, which may lead far.
+    """
+    n = problem.robot.n
+    steps, held = (_FIRST_STEPS, _FIRST_HELD) if first else (_STEPS, _HELD)
+    lower, upper = problem.stops(SPEED_SHARE * problem.robot.top_speed[0])
+    moves = 1e-5 * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
+    before = x = np.clip(x, lower, upper)
+    for _ in range(steps):
+        shown = _static_force(problem, (x[:, None] + moves).reshape(-1, n))
+        shown = shown.reshape(len(x), -1, 3)
+        J = ((shown[:, 1 : n + 1] - shown[:, n + 1 :]) / 2e-5).transpose(0, 2, 1)
+        A = J.transpose(0, 2, 1) @ J + held * np.eye(n)
+        b = np.einsum("sij,si->sj", J, goal - shown[:, 0]) - held * (x - before)
+        step = np.linalg.solve(A, b[..., None])[..., 0]
+        x = np.clip(x + np.clip(step, -_MAX_STEP, _MAX_STEP), lower, upper)
+        if problem.arm:
+            x[:, 0] = spin * np.maximum(spin * x[:, 0], _MIN_ARM_SPEED)
+    return x
 
 
 def _static_force(problem: Problem, x: Array) -> Array:
@@ -149,18 +163,23 @@ def washed_out(problem: Problem, x: Array) -> Array:
     high-frequency part of the rate and return. A high pass and an integrator of the rate are
     together tau LP(rate), with the same time constant tau.
     """
-    tilt = low_pass(x, _TILT, problem.knot)
-    turned = _WASHOUT * low_pass(problem.head[:, 3:] - problem.head[0, 3:], _WASHOUT, problem.knot)
+    tilt = low_pass(x, TILT, problem.knot)
+    rate = low_pass(problem.head[:, 3:] - problem.head[0, 3:], WASHOUT, problem.knot)
+    return turned(problem, tilt, WASHOUT * rate)
+
+
+def turned(problem: Problem, tilt: Array, rotation: Array) -> Array:
+    """Return tilts whose gimbals turn the head further by rotations [rad], shape (N, n)."""
     rest, first = np.zeros_like(tilt), int(problem.arm)
     J = np.stack(
         [
-            head_motion(problem.robot, tilt * (np.arange(x.shape[1]) >= first), rest + one, rest)
+            head_motion(problem.robot, tilt * (np.arange(tilt.shape[1]) >= first), rest + one, rest)
             .angular_velocity
-            for one in np.eye(x.shape[1])[first:]
+            for one in np.eye(tilt.shape[1])[first:]
         ],
         axis=2,
     )  # fmt: skip
     square = J.transpose(0, 2, 1) @ J + _HELD * np.eye(J.shape[2])
-    gimbals = np.linalg.solve(square, J.transpose(0, 2, 1) @ turned[..., None])[..., 0]
-    tilt[:, first:] += gimbals
-    return np.asarray(np.clip(tilt, *problem.stops(np.inf)))
+    gimbals = np.linalg.solve(square, J.transpose(0, 2, 1) @ rotation[..., None])[..., 0]
+    moved = np.hstack([tilt[:, :first], tilt[:, first:] + gimbals])
+    return np.asarray(np.clip(moved, *problem.stops(np.inf)))

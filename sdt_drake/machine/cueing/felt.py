@@ -71,9 +71,12 @@ def _advanced(model: _Gains, state: Array, before: Array, after: Array, h: float
     return state
 
 
-def followed(model: PerceptionModel, head: Array, h: float) -> Array:
-    """Return the states at knots of a head that has long moved as at the first, shape (N, 12)."""
-    states, gains = [unfelt(head[0])], _gains(model)
+def followed(model: PerceptionModel, head: Array, h: float, first: Array | None = None) -> Array:
+    """Return the states at knots, shape (N, 12), from a first one, shape (12,).
+
+    By default the head has long moved as at the first knot.
+    """
+    states, gains = [unfelt(head[0]) if first is None else first], _gains(model)
     for before, after in pairwise(head):
         states.append(_advanced(gains, states[-1], before, after, h))
     return np.array(states)

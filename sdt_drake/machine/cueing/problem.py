@@ -8,7 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.felt import felt
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.pilot.head import GRAVITY, head_motion
@@ -38,6 +40,13 @@ def has_arm(robot: Robot) -> bool:
     axis, _ = robot.joint_at_zero(robot.joint_names[0])
     down = robot.plant.gravity_field().gravity_vector() / GRAVITY
     return bool(np.linalg.norm(np.cross(axis, down)) < _MAX_TILT)
+
+
+def resultant(value: float, name: str) -> float:
+    """Check a resultant before a flight [G]."""
+    if not 1 <= finite_number(value, name) <= 10:
+        raise InputError(f"{value:g} G, expected 1 to 10 G", place=name)
+    return float(value)
 
 
 @dataclass(frozen=True)
@@ -94,6 +103,9 @@ class Problem:
     """Shift of the limits in `excess`, shape (N, 4 n)."""
     angles: Array | None = None
     """Angles to come near instead of the flight [rad], shape (N, n); None for none."""
+    first: Array | None = None
+    """State of the observer at the first knot, where the joints' state is given, too, and an arm
+    may turn at the end, shape (12,); None for angles to be found and rest at both ends."""
 
     @property
     def count(self) -> int:

@@ -25,7 +25,7 @@ from sdt_drake.machine.cueing.candidate import SENSED_PERIOD, Candidate, percept
 from sdt_drake.machine.cueing.felt import felt, followed
 from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
 from sdt_drake.machine.cueing.objective import objective
-from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_arm
+from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_arm, resultant
 from sdt_drake.machine.cueing.program import fitted
 from sdt_drake.machine.cueing.reach import reach
 from sdt_drake.machine.cueing.result import CueingResult
@@ -65,18 +65,11 @@ def _columns(value: FlightColumns | str | Path, name: str) -> object:
     return value if isinstance(value, FlightColumns) else a_path(value, name)
 
 
-def _resultant(value: float, name: str) -> float:
-    """Check a resultant before and after the flight [G]."""
-    if not 1 <= finite_number(value, name) <= 10:
-        raise InputError(f"{value:g} G, expected 1 to 10 G", place=name)
-    return float(value)
-
-
 _not_negative = partial(finite_number, minimum=0.0)
 
 
 @takes(
-    columns=_columns, approach=positive, departure=positive, idle_g=_resultant, knot=positive,
+    columns=_columns, approach=positive, departure=positive, idle_g=resultant, knot=positive,
     torque_margin=share, g_weight=positive, vertical_weight=_not_negative,
     acceleration_weight=_not_negative, effort=instance_of(Effort),
 )  # fmt: skip

@@ -137,7 +137,8 @@ class _Point:
         by_states = self.tangents[1][:, :, :STATES] if problem.angles is None else ()
         for _ in range(_SETTLINGS if problem.angles is None else 0):
             found = advanced(problem.model, states[:-1], head[:-1], head[1:], problem.knot)
-            change = [unfelt(head[0]) - states[0]]
+            settled = unfelt(head[0]) if problem.first is None else problem.first
+            change = [settled - states[0]]
             for J, off in zip(by_states, found - states[1:], strict=True):
                 change.append(J @ change[-1] + off)
             states = states + np.array(change)
@@ -159,7 +160,7 @@ def _first(problem: Problem, trajectory: Trajectory) -> _Point:
     if trajectory.states is not None:
         states = trajectory.states
     elif problem.angles is None:
-        states = followed(problem.model, head, problem.knot)
+        states = followed(problem.model, head, problem.knot, problem.first)
     return _Point(problem, s, trajectory.jerk, head, states)
 
 
@@ -211,12 +212,14 @@ def _quadratic(point: _Point, barrier: tuple[float, float]) -> Quadratic:
         AB[:, 3 * n :, 3 * n : m] = by_ends[:, :, :STATES]
         J = np.concatenate([by_error[:, :, STATES:] @ by_s, by_error[:, :, :STATES]], axis=2)
         S[3 * n :] = _tangent(unfelt, point.head[:1], _STEP)[0] @ by_s[0, :, :n]
-    if problem.arm:
+    if problem.first is not None:
+        S = S[:, :0]
+    elif problem.arm:
         S[:, 0] = 0.0
     turned = J.transpose(0, 2, 1)
     H, g = turned @ J, (turned @ point.error[:, :, None])[:, :, 0]
     _add_limits(point, barrier, H, g)
-    rest = np.arange(n, 3 * n)
+    rest = np.arange(n + (problem.arm and problem.first is not None), 3 * n)
     H[-1, rest, rest] += _END
     g[-1, rest] += _END * point.s[-1, rest]
     return Quadratic(H, g, AB, S, point.u, RHO * h)
