@@ -54,8 +54,7 @@ def _converted(mesh: Path, changed: int) -> Path:
             scene = scene.convert_units("meters").apply_transform(_Z_UP_TO_Y_UP)
             content, suffix = export_gltf(scene, embed_buffers=True)["model.gltf"], ".gltf"
         else:
-            text = export_obj(scene.to_mesh(), include_texture=False, include_color=False)
-            content, suffix = text.encode(), ".obj"
+            content, suffix = export_obj(scene.to_mesh()).encode(), ".obj"
     except Exception as error:  # the libraries raise many types
         # Of bytes that are no text, trimesh asks for a library that guesses their encoding.
         why = "neither binary nor text" if isinstance(error, ImportError) else one_line(error)

@@ -106,6 +106,8 @@ def test_budget_of_learned_or_other_feedforward_is_refused(budgets):
         )
     with pytest.raises(InputError, match="design: another torque feedforward than"):
         error_budget(design.with_feedforward(0 * design.reference.planned.q))
+    with pytest.raises(InputError, match="inverse_dynamics: online; an error budget requires"):
+        budgets("axis_pi_ctc", {"inverse_dynamics": "online"})
 
 
 def test_saturation_is_a_budget_part(designed):

@@ -95,6 +95,7 @@ def test_brakes_take_the_energy_of_a_robot_with_any_number_of_joints(n):
         robot.plant.SetPositions(context, q)
         return v @ robot.mass_matrix(context) @ v / 2 + robot.plant.CalcPotentialEnergy(context)
 
+    assert result.time[-1] == motion.time[-1]  # of which no step of 50 ms is
     for k, time in enumerate(result.time):
         lost = energy(motion.q[k], motion.v[k]) - energy(result.course(time).q[-1], none)
         assert result.figures["brake_energy"][k].sum() == pytest.approx(lost, rel=1e-3)

@@ -9,7 +9,7 @@ from helpers.variants import recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of
+from sdt_drake.analysis.metrics import METRICS, columns_of, family_of, metric_of, plain_number
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.analysis.tracking import constant_speed_segments, motor_use, track
 from sdt_drake.motion import LearnedReference, Motion
@@ -128,6 +128,8 @@ def test_metric_columns_are_in_their_headers_unit():
     np.testing.assert_allclose(
         [values for *_, values in columns], [np.degrees(position), 100 * share]
     )
+    numbers = {4711.2: "4711", 47.112: "47.11", 0.47112: "0.4711", 1e-4: "0.0001", 0: "0"}
+    assert {x: plain_number(x) for x in numbers} == numbers and plain_number(4.71e-5) == "4.7e-05"
     assert METRICS["felt_share"].text(0.5) == "50.0" and METRICS["felt_share"].text(None) == "–"
 
 

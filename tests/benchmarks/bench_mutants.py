@@ -5,12 +5,14 @@
 A mutant is the source with one operator, number, condition or branch changed by cosmic-ray. It
 meets the tests that run its statement, those of its own package first. It is written into the
 clone, in which nobody may work. mutants.sqlite keeps the results: a run that was stopped goes on,
-and survivors meet the tests again; without the files mutants.*, all starts anew.
+and survivors meet the tests again; without the files mutants.*, all starts anew. The order is
+random, so a run that was stopped has tried a sample of its own.
 """
 
 import ast
 import importlib
 import json
+import math
 import os
 import random
 import re
@@ -36,7 +38,8 @@ SEED, COUNT = 20, 400
 CPU_TIME, TIME = 200, 3600  # [s]; no test takes it, so a mutant that does has a loop without end
 OPTIONS = ["-n", "0", "-m", "not documents"]
 """Of pytest: all but the tests of the documents."""
-SLOW = {"reproduced", "reproduction", "on_wrong_model", "on_exact_model"}  # half a minute each
+SLOW = {"reproduced", "reproduction", "on_wrong_model", "on_exact_model"}
+"""Fixtures that take half a minute: tests that need them try mutants of their own package alone."""
 TESTS = Path("mutants.json")
 OUTCOMES = {True: TestOutcome.KILLED, False: TestOutcome.SURVIVED}
 PRELOADED = ("pydrake.all", "matplotlib.pyplot", "scipy.signal", "scipy.optimize", "hypothesis")
@@ -91,7 +94,9 @@ class Contexts:
         self.switch, self.now, self.tests = measured.switch_context, "", {}
 
     def pytest_collection_modifyitems(self, items) -> None:
-        items[:] = [item for item in items if SLOW.isdisjoint(item.fixturenames)]
+        slow = [item for item in items if not SLOW.isdisjoint(item.fixturenames)]
+        self.tests |= {item.nodeid: (math.inf, item.fixturenames) for item in slow}
+        items[:] = [item for item in items if item not in slow]
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
@@ -127,22 +132,21 @@ def run_all() -> None:
     TESTS.write_text(json.dumps(plugin.tests), encoding="utf-8")
 
 
-def tests_of(mutation, data: coverage.CoverageData, tests: dict) -> list[str]:
-    """Return the tests that run a statement: of its own package first, fast ones first."""
+def tests_of(mutation, data: coverage.CoverageData, tests: dict) -> list[list[str]]:
+    """Return the tests that run a statement: of its own package, slow ones of it, all others."""
     package, (row, _) = mutation.module_path.parts[1], mutation.start_pos
-    if package == "paper":  # nearly all need the paper reproduced
-        return ["tests/paper"]
     by_line = data.contexts_by_lineno(str(mutation.module_path.resolve()))
     contexts = {
         name for line in statement(mutation.module_path, row) for name in by_line.get(line, ())
     }
-    own = f"tests/{package}/"
-    chosen = [
-        name
-        for name, (_, fixtures) in tests.items()
-        if ("" in contexts and name.startswith(own)) or contexts & {name, *fixtures}
-    ]
-    return sorted(chosen, key=lambda name: (not name.startswith(own), tests[name][0]))
+    chosen: list[list[str]] = [[], [], []]
+    for name, (seconds, fixtures) in sorted(tests.items(), key=lambda item: item[1][0]):
+        is_own = name.startswith(f"tests/{package}/")
+        if seconds == math.inf:
+            chosen[1] += [name] * is_own
+        elif contexts & {name, *fixtures, *[""] * is_own}:
+            chosen[0 if is_own else 2].append(name)
+    return chosen
 
 
 def statement(path: Path, row: int) -> range:
@@ -184,10 +188,11 @@ def is_noticed(tests: list[str]) -> bool:
 
 
 def main() -> dict[str, float]:
-    os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
-    sys.dont_write_bytecode = True
+    sys.dont_write_bytecode = False
     if not TESTS.exists() and in_a_fork(run_all, "mutants.log"):
         sys.exit("the tests fail without a mutant: see mutants.log")
+    os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # mutants are not kept compiled, all else is
+    sys.dont_write_bytecode = True
     for name in PRELOADED:
         importlib.import_module(name)
     data, tests = coverage.CoverageData("mutants.coverage"), json.loads(TESTS.read_text("utf-8"))
@@ -197,20 +202,22 @@ def main() -> dict[str, float]:
         if not work.num_work_items:
             draw(work)
         done = {job for job, result in work.results if result.is_killed}
-        for item in sorted(work.work_items, key=lambda item: place(item.mutations[0])):
+        items = sorted(work.work_items, key=lambda item: place(item.mutations[0]))
+        random.Random(SEED).shuffle(items)
+        for item in items:
             (mutation,) = item.mutations
             if item.job_id not in done:
                 operator = get_operator(mutation.operator_name)()
                 chosen = tests_of(mutation, data, tests)
                 with use_mutation(mutation.module_path, operator, mutation.occurrence):
-                    outcome = OUTCOMES[is_noticed(chosen)]
+                    outcome = OUTCOMES[any(map(is_noticed, chosen))]
                 result = WorkResult(WorkerOutcome.NORMAL, test_outcome=outcome)
                 work.set_result(item.job_id, result)
                 if not result.is_killed:
                     print(*place(mutation), flush=True)
                     continue
             noticed[mutation.module_path.parts[1]] += 1
-        tried.update(item.mutations[0].module_path.parts[1] for item in work.work_items)
+        tried.update(item.mutations[0].module_path.parts[1] for item in items)
     shares = {name: noticed[name] / tried[name] for name in PACKAGES}
     print({name: f"{noticed[name]} of {tried[name]}" for name in PACKAGES})
     return shares | {"all": noticed.total() / tried.total()}

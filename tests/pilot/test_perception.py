@@ -223,16 +223,6 @@ def test_clark2015_overestimates_tilts_by_its_steady_state(rows):
         assert rows[f"tilt_{g:g}"].predicted["clark2015"] == pytest.approx(ratio, rel=0.01)
 
 
-def test_aircraft_turn_has_force_and_rate_of_a_level_turn():
-    head = reported_motions._aircraft_turn(60, rise=10, hold=1, speed=150)
-    assert head.force[-1] == pytest.approx([0, 0, 2 * 9.81], abs=1e-9)
-    turn = 2 * 9.81 * np.sin(np.radians(60)) / 150  # centripetal acceleration over speed
-    assert np.linalg.norm(head.rate[-1]) == pytest.approx(turn)
-    angle = np.radians(60)
-    assert head.rate[-1] == pytest.approx([0, -turn * np.sin(angle), turn * np.cos(angle)])
-    assert -np.trapezoid(head.rate[:, 0], head.time) == pytest.approx(angle, rel=0.003)
-
-
 def test_no_parameter_set_passes_aircraft_and_gondola(rows):
     said = verdict_of_all(list(rows.values()))
     assert said.startswith("Of 26 reports, familiar_turn passes most, 22 (allred 16, slow_yaw 15")

@@ -1,5 +1,7 @@
 """Laws of a single emergency stop: brakes that slide and hold, ramps of drives, failed motors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.robots import RATE_TABLE, loaded
@@ -9,6 +11,7 @@ from sdt_drake.robot.brakes import Brakes
 from sdt_drake.robot.device import Friction, friction_parameters
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
+from sdt_drake.robot.stops import Stops
 from sdt_drake.run.stopping import Schedule, StopPlant, simulate_stop
 
 SDT = load_robot()
@@ -94,6 +97,20 @@ def test_friction_stops_a_vertical_axis_without_brakes():
     expected = J / b * np.log1p(b * w / F) if b else J * w / F
     assert course.stopping_time[0] == pytest.approx(expected, abs=0.05)
     assert not course.brake_energy.any()
+
+
+@pytest.mark.parametrize("way, end", [(-1, -0.3), (1, 0.1)])
+def test_a_joint_stop_takes_up_the_energy_of_an_arm_without_brake(way, end):
+    """J w² = k x², and back again."""
+    w, k = 0.8, 1e6
+    ends = [np.array([x, *[way * np.inf] * 3]) for x, way in ((-0.3, -1), (0.1, 1))]
+    robot = replace(SDT, position_lower=ends[0], position_upper=ends[1])
+    own = brakes([0, 1e6, 1e6, 1e6], [0, 1e6, 1e6, 1e6], [np.inf, 0, 0, 0])
+    plant = StopPlant(robot, own, stops=Stops(stiffness=[k, 0, 0, 0]))
+    course = simulate_stop(plant, REST, np.array([way * w, 0, 0, 0]), power_off(own), 0.9)
+    x = w * np.sqrt(SDT.mass_matrix(SDT.context_at_zero())[0, 0] / k)
+    assert (way * course.q[:, 0]).max() == pytest.approx(way * end + x, rel=1e-3)
+    assert course.v[-1, 0] == pytest.approx(-way * w, rel=1e-3)
 
 
 SLOW = V * [0.5, 1, 1, 1]

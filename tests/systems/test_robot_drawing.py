@@ -8,7 +8,7 @@ from helpers.robots import ARM, RATE_TABLE, URDF, loaded
 from pydrake.math import RigidTransform
 
 from sdt_drake.systems import robot_drawing
-from sdt_drake.systems.skeleton import Bones, bones, skeleton
+from sdt_drake.systems.skeleton import Bones, _ring, bones, skeleton
 
 
 def parts(text: str):
@@ -30,6 +30,19 @@ def test_robot_without_shapes_is_drawn_as_skeleton(meshcat):
     # Of 0.8 m, and to the centre of mass of the last link.
     rods = [middles["rod_0"], middles["rod_1"]]
     np.testing.assert_allclose(rods, [[0.4, 0, 0], [0.15, 0, 0]], atol=1e-12)
+
+
+def test_a_ring_is_a_closed_surface_around_its_tube():
+    """V = 2 pi² R r², less what its flat faces cut off; each edge has a face at either side."""
+    radius, thickness = 0.5, 0.1
+    text = _ring(radius, thickness).source().in_memory().mesh_file.contents().decode()
+    corners = np.array(re.findall(r"^v (\S+) (\S+) (\S+)$", text, re.MULTILINE), dtype=float)
+    faces = np.array(re.findall(r"^f (\d+) (\d+) (\d+)$", text, re.MULTILINE), dtype=int) - 1
+    a, b, c = corners[faces].swapaxes(0, 1)
+    volume = np.einsum("ij,ij", a, np.cross(b, c)) / 6
+    assert 0.8 < volume / (2 * np.pi**2 * radius * thickness**2) < 1
+    edges = {*zip(faces.ravel().tolist(), np.roll(faces, -1, axis=1).ravel().tolist(), strict=True)}
+    assert len(edges) == 3 * len(faces) and edges == {(j, i) for i, j in edges}
 
 
 def test_meeting_axes_are_drawn_as_nested_rings():
