@@ -14,7 +14,7 @@ from sdt_drake.analysis.step import step_metrics
 from sdt_drake.paper.published import FIGURE4, FIGURE4_ZETA, OMEGA_R, table1
 from sdt_drake.systems.gains import STRUCTURES, SpeedGains, tune
 
-SCRIPT = Path(__file__).resolve().parents[2] / "diagrams/figure4_step_response.py"
+SCRIPT = Path(__file__).resolve().parents[1] / "diagrams/figure4_step_response.py"
 I_MAX, K_PS, K_IS = (np.array(table1(x)) for x in ("i_eff_max", "kp", "ki"))
 INERTIA = {"max": I_MAX, "min": I_MAX * (1 - np.array(table1("variation_percent")) / 100)}
 TABLE1 = SpeedGains(kp=K_PS, ki=K_IS)
