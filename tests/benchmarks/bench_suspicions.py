@@ -6,8 +6,9 @@ Simulated robots (tests/helpers/simulated_recordings.py, random_robots.py): link
 the file, a payload, friction with Stribeck, noise, encoders. Where they are there, the published
 recordings of two real robots get faults, too. A fault is "right" if it is named and nothing else
 is, "also" if other suspicions are said beside it, "wrong" if only others are, "silent" if none are.
-CLEAN random robots are without a fault: all that is said of them is wrong. Returns the share of
-faults that are named, and of clean recordings with suspicions.
+CLEAN random robots are without a fault: all that is said of them is wrong. Tools that the file
+lacks are no faults: what blames their recordings is wrong. Returns the share of faults that are
+named, of clean recordings with suspicions, and of tools that are taken for something else.
 """
 # ruff: noqa: E402
 
@@ -21,7 +22,7 @@ COUNTED = ("right", "also", "silent", "wrong")
 sys.path[:0] = [str(Path(__file__).parents[1])]
 
 from helpers.faults import EXPECTED, blames, names, recording
-from helpers.more_faults import REAL, UNREAL
+from helpers.more_faults import REAL, TOOLS, UNREAL, with_tool
 from helpers.simulated_recordings import MOUNTINGS, ROBOTS
 from oracles.dh import DATA
 
@@ -67,8 +68,21 @@ def main(seeds: int = 1, clean: int = 40, *only: str) -> dict[str, float]:
         if said:
             print(f"  clean random{seed}: {said[:400]}", flush=True)
     row(["none", "", "", clean - false, false])
+    wrong = 0
+    for name, share in () if only else TOOLS:
+        if name not in REAL or DATA.is_dir():
+            robot, recorded = with_tool(name, share)
+            said = blames(identify(robot, [recorded]))
+            wrong += bool(said)
+            if said:
+                print(f"  tool {name} {share}: {' / '.join(map(str, said))[:400]}", flush=True)
+    row(["tools", "", "", len(TOOLS) - wrong, wrong])
     named = (every["right"] + every["also"]) / max(1, every.total())
-    return {"faults named": named, "false alarms": false / max(1, clean)}
+    return {
+        "faults named": named,
+        "false alarms": false / max(1, clean),
+        "tools blamed": wrong / len(TOOLS),
+    }
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from helpers import simulated_recordings as simulated
 from helpers.more_faults import MORE, REAL, real
 from sdt_drake.machine.diagnose.finding import Finding
 
-NEUTRAL = {"beyond limit", "at limit", "excitation", "still", "inconsistent"}
+NEUTRAL = {"beyond limit", "at limit", "excitation", "still", "inconsistent", "payload"}
 """Kinds of findings that blame no recording."""
 
 EXPECTED = {

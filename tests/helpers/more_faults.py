@@ -1,17 +1,19 @@
 """Further faults of simulated recordings, for the benchmark of suspicions."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from oracles.dh import DATA, KUKA_KR300, UR10
 
 from helpers.known_truth import changed
-from helpers.simulated_recordings import Fault, Truth, late, mounted
+from helpers.simulated_recordings import Fault, Truth, late, mounted, tip, truth, weight
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.robot import Robot
 
 
 def real(name: str, mounting: str = "") -> Truth:
@@ -101,14 +103,25 @@ def _saturated(x: Truth, tau: np.ndarray, rng: np.random.Generator) -> np.ndarra
 
 def _picked(x: Truth, tau: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A tool is picked up after two thirds: torques of a point mass at the last link."""
-    signals, later = x.recorded.signals, x.recorded.time > x.recorded.time[-1] * 2 / 3
-    name = "payload" if x.robot.name == "sdt" else f"link_{x.robot.n}"
-    weight = float(x.robot.plant.CalcTotalMass(x.robot.plant.CreateDefaultContext()))
-    more = deviated(x.robot, Deviation(payload=name, payload_mass=0.2 * weight))
-    q, v = signals["q"], x.v
+    later = x.recorded.time > x.recorded.time[-1] * 2 / 3
+    return tau + later[:, None] * _added(x, 0.2)
+
+
+def _added(x: Truth, share: float, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """Torques of more mass at the last link, a share of the robot's, and of its shifted centre."""
+    own = Deviation(payload=tip(x.robot), payload_mass=share * weight(x.robot),
+                    payload_offset=list(offset))  # fmt: skip
+    q, v = x.recorded.signals["q"], x.v
     vd = np.gradient(v, x.recorded.time, axis=0)
-    added = inverse_dynamics(more, q, v, vd) - inverse_dynamics(x.robot, q, v, vd)
-    return tau + later[:, None] * added
+    more = deviated(x.robot, own)
+    return inverse_dynamics(more, q, v, vd) - inverse_dynamics(x.robot, q, v, vd)
+
+
+def with_tool(name: str, share: float) -> tuple[Robot, Recorded]:
+    """A robot, and a recording of it with a tool that its file lacks, a share of its mass."""
+    x = real(name) if name in REAL else truth(name, 100)
+    tau = x.recorded.signals["tau"] + _added(x, share, (0.2, 0.1, 0.1))
+    return x.robot, changed(x.recorded, tau=tau)
 
 
 REAL = {"ur10": (UR10, "ur10/exciting.csv"), "kuka": (KUKA_KR300, "kuka_kr300/recording_A.csv")}
@@ -138,3 +151,7 @@ MORE = {
     "coupled_motors": _of("tau", _coupled),
 }
 """Further faults by name."""
+
+TOOLS = [(name, share) for name in ("six", "seven", "cobot", "ur10")
+         for share in (0.02, 0.05, 0.1, 0.2, 0.4)]  # fmt: skip
+"""Robots with tools that their files lack, by their share of the robot's mass."""

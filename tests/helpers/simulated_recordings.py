@@ -43,6 +43,7 @@ COBOT = replace(
 HEAVY = replace(KUKA_KR300, name="heavy", com=[*KUKA_KR300.com[:5], (0.08, 0.05, -0.1)])
 TABLES = {"arm3": ARM, "cobot": COBOT, "heavy": HEAVY}
 ROBOTS = ("sdt", *TABLES)
+FILES = {name: Path(__file__).parent / f"robot_files/{name}.urdf" for name in ("six", "seven")}
 MOUNTINGS = {"ceiling": (np.pi, 0.0, 0.0), "wall": (_RIGHT, 0.0, 0.0), "tilt": (0.35, 0.0, 0.0)}
 
 
@@ -51,6 +52,8 @@ def file_robot(name: str, mounting: str = "") -> Robot:
     """The robot of the file; mounted otherwise, as it really stands."""
     if name == "sdt":
         return load_robot()
+    if name in FILES:
+        return load_robot(FILES[name])
     table = TABLES[name] if name in TABLES else random_table(int(name.removeprefix("random")))
     return mounted(table, mounting)
 
@@ -61,6 +64,17 @@ def mounted(table: DhTable, mounting: str = "") -> Robot:
         roll, pitch, yaw = np.add(table.base, MOUNTINGS[mounting])
         table = replace(table, base=(roll, pitch, yaw))
     return load_robot(table.write(Path(mkdtemp())))
+
+
+def tip(robot: Robot) -> str:
+    """The last link, which carries tools."""
+    last = robot.plant.GetJointByName(robot.joint_names[-1]).child_body().name()
+    return "payload" if robot.name == "sdt" else last
+
+
+def weight(robot: Robot) -> float:
+    """The robot's mass [kg]."""
+    return float(robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +126,9 @@ def truth(name: str, seed: int, mounting: str = "", together: bool = False) -> T
     rng = np.random.default_rng([seed, ROBOTS.index(name) if name in ROBOTS else 9])
     real = file_robot(name, mounting) if mounting else robot
     links = len(real.sdf.split("<link ")) - 1
-    weight = float(robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext()))
     deviation = Deviation(
-        payload="payload" if name == "sdt" else f"link_{robot.n}",
-        payload_mass=float(rng.uniform(0, 0.05)) * weight,
+        payload=tip(robot),
+        payload_mass=float(rng.uniform(0, 0.05)) * weight(robot),
         link_scales=rng.uniform(0.85, 1.2, links).tolist(),
     )
     real = deviated(real, deviation)

@@ -10,6 +10,7 @@ import yaml
 from helpers import simulated_recordings as simulated
 from helpers.faults import blames, names, recording
 from helpers.known_truth import changed
+from helpers.more_faults import with_tool
 from oracles.dh import DATA, KUKA_KR300, UR10, needs_data
 
 from sdt_drake.io.errors import InputError
@@ -129,6 +130,34 @@ def test_a_payload_is_no_unit(tmp_path):
     found = identify(robot, [recorded], only="payload", payload="link_3", cutoff=CUTOFF)
     assert blames(found) == []
     assert found.left(found.equations.nominal, held_out=True)[2] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("six", 0.2), ("seven", 0.2), ("cobot", 0.1), pytest.param("ur10", 0.2, marks=needs_data)],
+)
+def test_a_tool_that_the_file_lacks_is_told_with_its_mass_in_place_of_a_unit(name, share):
+    """Torques of wrists are 5 to 50 times those of the file, in per cent of their limits or so."""
+    robot, recorded = with_tool(name, share)
+    eq = equations_of(robot, recorded)
+    assert torque_unit(robot, eq) is not None
+    (one,) = misread(robot, eq)
+    assert one.kind == "payload" and not one.spoils
+    more = one.evidence["mass_kg"] / simulated.weight(robot) - share
+    assert -0.02 < more < 0.06  # simulated robots carry up to 5 % more
+
+
+def test_a_unit_and_a_tool_that_are_as_likely_are_both_told():
+    """Forty times the torque of a pendulum is that of a body that weighs more on its arm."""
+    ones = {name: getattr(simulated.ARM, name)[1:2] for name in
+            ("d", "a", "alpha", "theta", "mass", "com", "speed", "effort")}  # fmt: skip
+    table = replace(simulated.ARM, name="pendulum", base=(np.pi / 2, 0.0, 0.0), **ones,
+                    rotor_inertia=[0.0], gear_ratio=[1.0])  # fmt: skip
+    robot = simulated.mounted(table)
+    time, q, v, vd = simulated.course(robot, np.random.default_rng(0), 20.0, 100.0)
+    tau = 40 * inverse_dynamics(robot, q, v, vd)
+    found = misread(robot, equations_of(robot, Recorded(Path("p.csv"), time, {"q": q, "tau": tau})))
+    assert [one.kind for one in found] == ["unit", "payload"]
 
 
 @pytest.mark.parametrize("fault", ["no_gravity", "zero_10", "swapped_at_wrist"])

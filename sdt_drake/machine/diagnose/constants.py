@@ -61,6 +61,7 @@ MIN_SCORE = 2.0  # [-] logarithm of the ratio of residuals; see `better_readings
 MIN_FREE_SCORE = 0.5  # [-] [0.5-2]
 MAX_FREE_LOSS = 0.1  # [-] loss of score with the best links over the gain with those of the file
 LOOSER = 30.0  # [-] deviations of links from the file that may explain torques before a unit does
+FIXED = 1e-3  # [-] deviations of links that stay as in the file, beside a tool
 MIN_FILE_SCORE = 4.0  # [-] [tight]
 MAX_BEHIND = 0.5  # [-] score; readings this close to the best are reported, too [0.5-2]
 SCORE_SIGMAS = 3.0  # [-] standard errors of a score [0.5-2]

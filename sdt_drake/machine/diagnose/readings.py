@@ -43,25 +43,76 @@ class Residuals(NamedTuple):
     """Mean squares of the torques without friction [(N m)²], shape (n,)."""
 
 
+Proposal = tuple[Finding, Residuals]
+"""A finding, with the residuals that are left if it is heeded."""
+
+
 def misread(robot: Robot, eq: Equations) -> list[Finding]:
     """Return what speaks against the meaning of the columns and the robot's file.
 
     It is the likely unit of the torques, and better readings of the columns. A unit without a name
-    is dropped if another reading explains the torques as they are.
+    is dropped if another reading explains the torques as they are. All are held against a tool
+    that the file lacks: it replaces them if it explains the torques better, and is told beside
+    them if they may be as good.
     """
+    found = _proposals(robot, eq)
+    tool = _tool(robot, eq, [left for _, left in found]) if found else None
+    if tool is None:
+        return [one for one, _ in found]
+    is_better, told = tool
+    return [told] if is_better else [*(one for one, _ in found), told]
+
+
+def _proposals(robot: Robot, eq: Equations) -> list[Proposal]:
+    """Return the unit, and the readings that explain the torques better, as `misread` tells."""
     unit, as_they_are = torque_unit(robot, eq), np.ones(robot.n)
     if unit and not unit.is_exact:
         better = better_readings(robot, eq, as_they_are, unit)
         if better:
             return better
-    found = [unit.finding] if unit else []
+    found, plain = [], _plain(robot)
+    if unit:
+        left = _Judge(robot, eq, unit.factor, plain.gravity).left(plain)
+        found = [(unit.finding, left)]
     found += better_readings(robot, eq, unit.factor if unit else as_they_are)
     return found or _zeros_off(robot, eq)
 
 
+def _tool(
+    robot: Robot, eq: Equations, proposed: Sequence[Residuals]
+) -> tuple[bool, Finding] | None:
+    """Return the finding of a tool that the file lacks, and True if it is better than proposals.
+
+    It is a body at the last link, with ten free numbers. A unit has up to one for each joint; at
+    READING_ROWS this difference is a tenth of a score by Schwarz's criterion (BIC). The score over
+    a proposal is the least of two, with the file's other links and with the best ones. None if a
+    proposal is better, if the body's mass were negative, or if it leaves much of a torque.
+    """
+    plain, last = _plain(robot), slice(10 * (robot.n - 1), 10 * robot.n)
+    judge = _Judge(robot, eq, np.ones(robot.n), plain.gravity)
+    now, free, alone = judge.left(plain), np.ones(11 * robot.n), np.full(11 * robot.n, c.FIXED)
+    free[last] = alone[last] = c.LOOSER
+    of_file, of_any = judge.left(plain, alone), judge.left(plain, free)
+    mass = round(float(of_file.links[last][0] - judge.file[last][0]), 6)  # 0: not shown
+    scores = [_score(*pair) for left in proposed
+              for pair in ((left.file, of_file.free), (left.free, of_any.free))]  # fmt: skip
+    least = min(scores, key=lambda one: float(one.mean()))
+    score, error = float(least.mean()), float(least.std(ddof=1)) / np.sqrt(c.BLOCKS)
+    before, left = _rms(now.file), _rms(of_file.free)
+    is_left = np.any(left[before > c.MIN_RESIDUAL] > c.MIN_RESIDUAL)
+    if mass < 0 or score < -c.MAX_BEHIND or is_left:
+        return None
+    of = f" of about {mass:.2g} kg" * (mass > 0)
+    k = int(np.argmax(before / left))
+    words = {"of": of, "link": Bodies.of(robot).names[-1]}
+    shares = {"left": float(left[k]), "before": float(before[k]), "score": score}
+    told = finding("payload", (k + 1,), **words, mass_kg=mass, **shares)
+    return score > max(c.MIN_FREE_SCORE, c.SCORE_SIGMAS * error), told
+
+
 def better_readings(
     robot: Robot, eq: Equations, factor: Array, unnamed: Unit | None = None
-) -> list[Finding]:
+) -> list[Proposal]:
     """Return the finding of the alternatives that explain the torques better than the mapping.
 
     An alternative is better if its total score is above MIN_SCORE. Its score with the best links is
@@ -78,7 +129,7 @@ def better_readings(
             joint, an order of the columns has none.
 
     Returns:
-        One finding, or none if the mapping explains the torques.
+        One proposal, or none if the mapping explains the torques.
     """
     plain = _plain(robot)
     gravity, judge = plain.gravity, _Judge(robot, eq, factor, plain.gravity)
@@ -119,11 +170,11 @@ def better_readings(
     found.sort(key=lambda one: -one[0])
     best, _, after = found[0]
     readings = [reading for score, reading, _ in found if score > best - c.MAX_BEHIND]
-    return [_in_words(readings, now, after, best)]
+    return [(_in_words(readings, now, after, best), after)]
 
 
-def _zeros_off(robot: Robot, eq: Equations) -> list[Finding]:
-    """Return the finding of a position whose zero is off by some degrees.
+def _zeros_off(robot: Robot, eq: Equations) -> list[Proposal]:
+    """Return the proposal of a position whose zero is off by some degrees.
 
     The links of the file decide: they must explain much more of at least two torques, and the best
     links no less.
@@ -145,7 +196,7 @@ def _zeros_off(robot: Robot, eq: Equations) -> list[Finding]:
         or np.abs(reading.offset).max() < np.radians(c.MIN_TILT)
     ):
         return []
-    return [_in_words([reading], now, left, float(score.mean()))]
+    return [(_in_words([reading], now, left, float(score.mean())), left)]
 
 
 def _plain(robot: Robot) -> Reading:
@@ -204,7 +255,7 @@ class _Judge:
         self.scale = rigid_scale(robot)
         self.columns = rigid_columns(robot, *self.motion)
 
-    def left(self, reading: Reading, looser: float = 1.0) -> Residuals:
+    def left(self, reading: Reading, looser: float | Array = 1.0) -> Residuals:
         """Return the residuals of a reading, with best links that may be `looser` from the file."""
         seen = self._without_friction(reading)
         tau = reading.sign * self.tau[:, reading.order]
