@@ -14,6 +14,7 @@ from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import MAX_NUMBER, InputError, at_most
 from sdt_drake.io.files import checked_input
 from sdt_drake.io.formats import BINARY, MAX_NUMBERS, read_binary
+from sdt_drake.io.list_cells import spread, spread_names
 
 MAX_BYTES = 1_000_000_000
 """Largest size of a table file: a recording of an hour."""
@@ -67,11 +68,13 @@ class Numbers:
     """The rows of the file that `data` has, from 0; None: all."""
     left_out: int = 0
     """Number of rows that `complete` left out."""
+    lists: Sequence[str] = ()
+    """Sentences on columns whose cells hold lists."""
 
     @property
     def notes(self) -> tuple[str, ...]:
         """One sentence for each part of the file that was ignored."""
-        notes = []
+        notes = [*self.lists]
         if self.cut:
             notes += [f"the last line is incomplete and was ignored: {self.cut[:40]}"]
         if self.left_out:
@@ -159,7 +162,9 @@ def read_numbers(
         raise InputError(f"{path}: fewer than {'two rows' if min_rows == 2 else 'a row'}")
     first = start[0][1] if head is None else head
     cells = start[0][1].split(style.delimiter)
-    names = header_cells(first, style.delimiter, len(cells))
+    names, lists = header_cells(first, style.delimiter, len(cells)), list[str]()
+    if head is not None:
+        names, lists = spread_names(names, next(_raw(path, style))[1], style.delimiter)
     if len(names) == 1 or len(cells) == 1:
         _check_delimiter(path, start[0][1] if len(cells) == 1 else first, style, logged=logged)
     if logged and len(cells) == len(names) + 1 and not cells[-1].strip():
@@ -172,7 +177,8 @@ def read_numbers(
         raise _bad_line(path, len(names), style, logged=logged)
     if not style.header:
         names = [str(k + 1) for k in range(data.shape[1])]
-    return Numbers(path, names, data, style, odd.cut, odd.texts, frozenset(odd.dates))
+    dates = frozenset(odd.dates)
+    return Numbers(path, names, data, style, odd.cut, odd.texts, dates, lists=lists)
 
 
 def lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
@@ -221,11 +227,15 @@ def is_number(cell: str) -> bool:
     return True
 
 
+def _raw(path: Path, style: Style) -> Iterator[tuple[int, str]]:
+    """Yield number and text of each line after the header."""
+    first = style.skip + style.header + style.units
+    return itertools.islice(lines(path, style.encoding), first, None)
+
+
 def _rows(path: Path, style: Style) -> Iterator[tuple[int, str]]:
-    """Yield number and text of each line of numbers, with decimal points."""
-    every = itertools.islice(
-        lines(path, style.encoding), style.skip + style.header + style.units, None
-    )
+    """Yield number and text of each line of numbers, with decimal points, and without lists."""
+    every = ((number, spread(line, style.delimiter)) for number, line in _raw(path, style))
     if style.decimal == ".":
         return every
     return ((number, line.replace(style.decimal, ".")) for number, line in every)

@@ -61,7 +61,8 @@ MS = np.round(1e3 * T, 1)
 BY_NAMES = [[NAMES] * N, Q[:, ORDER], V[:, ORDER], TAU[:, ORDER]]
 ZERO = np.zeros((N, 1))
 LABVIEW = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n"
-LISTS = [[f'"{x}"' for x in values.tolist()] for values in (Q, TAU)]
+LISTS = [[f'"{x}"' for x in values] for values in
+         ([NAMES] * N, Q[:, ORDER].tolist(), TAU[:, ORDER].tolist())]  # fmt: skip
 
 LOGS = {
     "rostopic echo -p": text(["%time", *ros("field.{}{}")], [STAMP, *BY_NAMES]),
@@ -93,6 +94,7 @@ LOGS = {
         ["timestamp", *numbers_of("actual_q_{}"), *numbers_of("actual_current_{}")],
         [100 + T, Q, TAU], " ",
     ),
+    "lists": text(["Time", "name", "position", "effort"], [WHOLE + np.round(SINCE, 6), *LISTS]),
     "a scope's header": "Name;Scope 1\nFile;x\n" + text(
         ["Name", *numbers_of("Axis {}.ActPos", 1), *numbers_of("Axis {}.ActTorque", 1)],
         [MS, np.degrees(Q), TAU], "\t",
@@ -151,9 +153,40 @@ def test_positions_of_motors_are_proposed_by_the_torques_of_the_links(tmp_path):
 
 
 def test_nothing_is_proposed_that_does_not_read_the_file(arm, tmp_path):
-    path = tmp_path / "lists.csv"
-    path.write_text(text(["time", "position", "effort"], [T, *LISTS]))
+    path, lists = tmp_path / "lists.csv", [f'"{str(x)[1:-1]}"' for x in Q.tolist()]
+    path.write_text(text(["time", "position", "effort"], [T, lists, lists]))
     with pytest.raises(InputError, match=r"line 2: 9 value\(s\), expected 3 as in the first$"):
+        read_recording(path, arm)
+
+
+@pytest.mark.parametrize(
+    "form",
+    ['"{}"', "{}", '"[np.float64({})]"', "\"array('d', {})\"", '"({})"', '" {} "'],
+    ids=["pandas", "bare", "numpy 2", "array", "tuple", "blanks"],
+)
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_cells_of_lists_are_read_as_columns_and_told(arm, tmp_path, form, mark):
+    def lists(values):
+        inner = "), np.float64(" if "np" in form else ", "
+        one = [inner.join(map(str, x)) for x in values.tolist()]
+        return [form.format(x if "(" in form and "array" not in form else f"[{x}]") for x in one]
+
+    path = tmp_path / "lists.csv"
+    path.write_text(text(["time", "q", "tau"], [T, lists(Q), lists(TAU)], mark))
+    recorded = read_recording(path, arm, Columns(delimiter={"\t": "tab"}.get(mark, mark)))
+    np.testing.assert_array_equal(recorded.signals["q"], Q)
+    np.testing.assert_array_equal(recorded.signals["tau"], TAU)
+    assert "'q' holds lists, read as columns q_1 to q_4" in recorded.notes
+
+
+def test_texts_in_brackets_are_no_lists(arm, tmp_path):
+    """A list of another length is refused."""
+    path, head = tmp_path / "texts.csv", numbers_of("q_{}", 1) + numbers_of("tau_{}", 1)
+    path.write_text(text(["time", *head, "mode"], [T, Q, TAU, "(teach in)"]))
+    assert read_recording(path, arm).notes == ()
+    rows = text(["time", *head[:4], "tau"], [T, Q, [f'"{x}"' for x in TAU.tolist()]])
+    path.write_text(rows.replace("\n", '\n0,0,0,0,0,"[1, 2]"\n', 1))
+    with pytest.raises(InputError, match=r"line 3: 9 value\(s\), expected 7 as in the first;"):
         read_recording(path, arm)
 
 

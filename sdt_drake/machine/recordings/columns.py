@@ -76,9 +76,9 @@ class Columns(Layout):
     """The columns of a recording's file, with their units; the default is the package's own format.
 
     A signal is a list of columns, one for each joint from base to tip. Columns are given by name,
-    or by number from 1. One text with {k} for the number of the joint, from 1, or {k0}, from 0,
-    stands for the whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file
-    does not have.
+    or by number from 1. Cells with lists, such as "[1.0, 2.0]" in q, are read as columns q_1 and
+    q_2. One text with {k} for the number of the joint, from 1, or {k0}, from 0, stands for the
+    whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
     """
 
     q: fields.NonEmptyNames = fields.field(("q_{k}",))

@@ -11,6 +11,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.formats import BINARY
+from sdt_drake.io.list_cells import spread, spread_names
 from sdt_drake.io.numbers import DAY, cell_value, header_cells, is_number, read_numbers
 from sdt_drake.machine.recordings.columns import DECIMALS, DELIMITERS
 from sdt_drake.machine.recordings.times import MIN_RATE, likely_factor
@@ -141,7 +142,7 @@ def read_head(path: Path, least: int) -> Head | None:
 def _table(lines: list[str], delimiter: str, least: int) -> Head | None:
     """Read lines as a table; None if they have fewer than `least` columns of numbers."""
     mark = DELIMITERS[delimiter]
-    table = [line.strip("\r\n").split(mark) for line in lines]
+    table = [spread(line.strip("\r\n"), mark).split(mark) for line in lines]
     if not table or len(table[-1]) < least:
         return None
     width = len(table[-1])
@@ -158,6 +159,7 @@ def _table(lines: list[str], delimiter: str, least: int) -> Head | None:
 
     def named(line: int) -> list[str]:
         names = header_cells(lines[line], mark, width) if line >= 0 else []
+        names, _ = spread_names(names, lines[first], mark)
         ends = len(names) == width - 1 and not any(row[-1].strip() for row in rows)
         names += [""] * ends  # each row ends with a delimiter
         return names if len(names) == width else []
