@@ -188,6 +188,8 @@ class Friction(Input):
     """F_b, largest friction at low speed (Stribeck), at least `coulomb`. Default: `coulomb`."""
     stribeck_speed: Positive = field(0.02, unit="rad/s", side="joint")
     """v_s, speed of the largest friction."""
+    stribeck_speeds: EachJoint[Positive] | None = field(None, unit="rad/s", side="joint")
+    """v_s of each joint, in place of `stribeck_speed`, which is that of all."""
     presliding: Positive = field(1e-05, unit="rad", side="joint")
     """z_c, deflection of a joint before it slides."""
     offset: EachJoint[Number] | None = field(None, unit="N m", side="joint")
@@ -203,6 +205,8 @@ class Friction(Input):
         largest, sliding = [*(self.breakaway or ())], [*(self.coulomb or ())]
         if any(b < c for b, c in zip(largest, sliding, strict=False)):
             yield "breakaway", f"{largest}, expected at least coulomb, {sliding}"
+        if self.stribeck_speeds and self.stribeck_speed != Friction.stribeck_speed:
+            yield "stribeck_speed", "expected only without stribeck_speeds"
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +216,7 @@ class FrictionParameters:
     coulomb: Array
     viscous: Array
     breakaway: Array
-    stribeck_speed: float
+    stribeck_speed: Array
     presliding: float
     offset: Array
 
@@ -228,7 +232,7 @@ def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
         coulomb,
         filled(friction.viscous, np.zeros(n)),
         filled(friction.breakaway, coulomb),
-        friction.stribeck_speed,
+        filled(friction.stribeck_speeds, np.full(n, friction.stribeck_speed)),
         friction.presliding,
         filled(friction.offset, np.zeros(n)),
     )

@@ -22,7 +22,7 @@ FRICTION = FrictionParameters(
     coulomb=np.array([500.0, 90.0, 2.0]),
     viscous=np.array([30.0, 0.0, 0.1]),
     breakaway=np.array([750.0, 90.0, 3.5]),
-    stribeck_speed=0.02,
+    stribeck_speed=np.array([0.02, 0.3, 0.01]),
     presliding=1e-5,
     offset=np.array([-200.0, 40.0, 0.5]),
 )

@@ -16,9 +16,11 @@ from sdt_drake.machine.diagnose.fit import inconsistent
 from sdt_drake.machine.identify import plant
 from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.files import recorded_motion
+from sdt_drake.machine.identify.judge import judge
 from sdt_drake.machine.identify.model import directions
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.recordings.recorded import Recorded
+from sdt_drake.robot.device import Friction, friction_parameters, sliding_friction
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.sdf import SYMMETRIC, links_by_name
@@ -106,6 +108,23 @@ def test_joints_without_slow_motion_get_no_breakaway(robot):
     for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
         (_, _, stribeck), _ = plant._nearest(v, rounded, peak)
         assert stribeck == 0
+
+
+def test_a_joint_has_a_stribeck_speed_of_its_own_where_that_of_all_leaves_friction(robot):
+    """The peak of the last joint is at another speed than those of the others."""
+    time, q, v, vd = motion(robot)
+    slow = [0.02, 0.02, 0.02, 0.3]
+    true = Friction(COULOMB_TRUE, VISCOUS_TRUE, 1.5 * COULOMB_TRUE, stribeck_speeds=slow)
+    tau = inverse_dynamics(robot, q, v, vd) + sliding_friction(friction_parameters(true, 4), v)
+    recorded = Recorded(Path("peaks.csv"), time, {"q": q, "tau": tau})
+    found = identify(robot, [recorded], only="friction", cutoff=10)
+    friction = found.plant_friction.friction
+    *others, last = friction.stribeck_speeds
+    assert max(others) < 0.05 and 0.15 < last < 0.6
+    (left,) = found.left(found.written, held_out=True)[3:]
+    assert left < 0.01
+    judged = judge(robot, [recorded], friction=friction, cutoff=10).left
+    assert judged[3] == pytest.approx(left, rel=0.5)
 
 
 def rubbed(recorded, share):

@@ -1,9 +1,12 @@
 """Torque groups, friction and springs by hand, and published torques and inertias of the device."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.robots import ARM, URDF, loaded
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.robot import device
 from sdt_drake.robot.device import Elasticity, Friction, springs_of
 from sdt_drake.robot.dynamics import torque_groups, where_largest
@@ -91,6 +94,12 @@ def test_friction_torque_equals_formula():
     np.testing.assert_array_equal(at(FRICTION, 0.0), 0)
     np.testing.assert_array_equal(at(LOADED, 0.0), LOADED.offset)
     np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
+    # Joint 4 alone has its peak at twice the speed.
+    own = replace(FRICTION, stribeck_speed=0.02, stribeck_speeds=[V_S, V_S, V_S, 2 * V_S])
+    np.testing.assert_array_equal(at(own, V_S)[:3], at(FRICTION, V_S)[:3])
+    assert at(own, 2 * V_S)[3] == pytest.approx(50 + 2 * 0.06, rel=1e-12)
+    with pytest.raises(InputError, match=r"stribeck_speed: expected only without stribeck_speeds"):
+        replace(own, stribeck_speed=V_S)
 
 
 def test_link_swings_at_given_frequency_on_spring_and_gravity():

@@ -17,7 +17,7 @@ from sdt_drake.robot.device import stribeck
 # Widths of sigmoids and of the Stribeck peak, over the largest speed.
 _WIDTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 _PEAKS = (0.005, 0.007, 0.01, 0.014, 0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.4)
-PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)
+PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.3)
 """Speeds of a scenario's Stribeck peak that are tried [rad/s]."""
 _OFFSETS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # zeros of a sigmoid over its width
 

@@ -103,8 +103,8 @@ def judge(
     stretches = [stretch for *_, stretch in few_of(parts, CUTOFFS[-1])]
     cutoff, _ = chosen(robot, nothing, belief(robot, nothing), stretches, cutoff)
     own = friction_parameters(friction or Friction(), robot.n)
-    law = FrictionLaw("file", scenario_terms(own.stribeck_speed))
-    eq = equations(robot, nothing, few_of(parts, cutoff), cutoff, lambda fastest: (law,))
+    laws = tuple(FrictionLaw("file", scenario_terms(x)) for x in {*own.stribeck_speed.tolist()})
+    eq = equations(robot, nothing, few_of(parts, cutoff), cutoff, lambda fastest: laws)
     rubs = scenario_torque(eq, own)
     if not eq.moves.any():
         raise InputError(f"{recorded[0].path}: no joint moves more than the noise")

@@ -1,6 +1,7 @@
 """The identified robot as its files hold it: links, rotors, damping, and friction of a scenario."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,11 @@ from sdt_drake.robot.device import PRESLIDING_DAMPING_TIME, Friction, FrictionPa
 from sdt_drake.robot.robot import Robot, edited
 from sdt_drake.robot.sdf import DRAKE, links_by_name, set_inertia
 
+Fits = dict[float | None, tuple[Array, float]]
+"""Nearest friction of a joint and its residual, by Stribeck speed [rad/s]; None: no peak."""
+
 _MAX_RATIO = 0.5  # residual with a Stribeck peak over that without, for it to be used
+_MIN_LEFT = 0.01  # residual of a joint's friction, for a Stribeck speed of its own
 _MIN_VISIBLE = 0.1  # share of a peak's height that recorded speeds reach, for it to be used
 _PLACES = 200  # speeds at which friction laws are compared
 _MAX_STICKING = 5e3  # natural frequency of a sticking joint [rad/s], far above every loop
@@ -70,14 +75,7 @@ def plant_friction(
         for sign in (-1, 1)
     )
     wanted = [law @ friction[part] for law, part in zip(odd, parts, strict=True)]
-    simple = [_nearest(v, tau, None) for v, tau in zip(speeds, wanted, strict=True)]
-    best, peak = simple, None
-    for width in PEAKS:
-        tried = [_nearest(v, tau, width) for v, tau in zip(speeds, wanted, strict=True)]
-        if sum(left for _, left in tried) < (_MAX_RATIO if peak is None else 1.0) * sum(
-            x for _, x in best
-        ):
-            best, peak = tried, width
+    best, peaks = _best_peaks(eq, speeds, wanted)
     x = np.array([[*found_, 0.0][:3] for found_, _ in best])
     is_moved = moves.any(axis=0)
     # Damping acts at joints, friction at the gears of motors that may turn with two of them.
@@ -85,14 +83,16 @@ def plant_friction(
     damping = np.where(is_moved, stays * np.minimum(x[:, 0], robot.damping), robot.damping)
     x[:, 0] -= is_moved * damping
     given: dict[str, Any] = {"coulomb": x[:, 1], "viscous": x[:, 0]}
-    if peak is not None:
-        given |= {"breakaway": x[:, 1] + x[:, 2], "stribeck_speed": peak}
+    if any(peaks):
+        given["breakaway"] = x[:, 1] + x[:, 2]
+        own = [peak or Friction.stribeck_speed for peak in peaks]
+        given |= {"stribeck_speed": own[0]} if len({*own}) == 1 else {"stribeck_speeds": own}
     given["offset"] = [np.mean(law @ friction[part]) for law, part in zip(even, parts, strict=True)]
     softest = _softest(with_identified(robot, consistent, damping), eq, x[:, 1])
     scenario = Friction(**given, presliding=max(Friction().presliding, softest))
     std, undecided, days = [], [], []
     for k, (v, law, part, (values, _)) in enumerate(zip(speeds, odd, parts, best, strict=True)):
-        basis = _basis(v, peak)[:, : len(values)]
+        basis = _basis(v, peaks[k])[:, : len(values)]
         nearest = np.linalg.pinv(basis)
         J = nearest @ law
         noise = np.maximum(np.diagonal(J @ covariance[part, part] @ J.T), 0.0)[:2]
@@ -120,8 +120,9 @@ def scenario_torque(eq: Equations, friction: FrictionParameters) -> Array:
     values = np.stack(
         [friction.viscous, friction.coulomb, friction.offset, friction.breakaway - friction.coulomb]
     )
-    terms = scenario_terms(friction.stribeck_speed)
-    at = [[of_joint.index(term) for term in terms] for of_joint in eq.terms]
+    speeds = friction.stribeck_speed.tolist()
+    at = [[of_joint.index(term) for term in scenario_terms(speed)]
+          for of_joint, speed in zip(eq.terms, speeds, strict=True)]  # fmt: skip
     columns = np.take_along_axis(eq.friction, np.array(at)[None], axis=2)
     return np.asarray(np.einsum("mkt,tk->mk", columns, values))
 
@@ -184,6 +185,38 @@ def _half(terms: tuple[Term, ...], v: Array, sign: int) -> Array:
     least = 1e-9
     columns = [(term.at(v, least) + sign * term.at(-v, least)) / 2 for term in terms]
     return np.column_stack(columns)
+
+
+def _best_peaks(
+    eq: Equations, speeds: Sequence[Array], wanted: Sequence[Array]
+) -> tuple[list[tuple[Array, float]], list[float | None]]:
+    """Return the nearest friction of each joint with its residual, and its Stribeck speed or None.
+
+    One speed counts for all joints if it halves what is left, and another one for a joint of whose
+    friction more than _MIN_LEFT is left, if it halves that.
+
+    Args:
+        eq: The equations, which have the terms of all speeds that are tried.
+        speeds: Absolute speeds of each joint [rad/s].
+        wanted: Friction at these speeds [N m].
+    """
+    tried = [
+        {peak: _nearest(v, tau, peak)
+         for peak in (None, *(term.width for term in terms if term.kind == "stribeck"))}
+        for v, tau, terms in zip(speeds, wanted, eq.terms, strict=True)
+    ]  # fmt: skip
+
+    def chosen(of: Sequence[Fits], peaks: Iterable[float], now: float | None) -> float | None:
+        left = {peak: sum(fits[peak][1] for fits in of) for peak in (now, *peaks)}
+        best = min(left, key=lambda peak: left[peak])
+        return best if left[best] < _MAX_RATIO * left[now] else now
+
+    common = chosen(tried, PEAKS, None)
+    peaks = [
+        chosen([fits], filter(None, fits), common) if fits[common][1] > _MIN_LEFT else common
+        for fits in tried
+    ]
+    return [fits[peak] for fits, peak in zip(tried, peaks, strict=True)], peaks
 
 
 def _basis(v: Array, peak: float | None) -> Array:
