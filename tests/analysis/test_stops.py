@@ -128,6 +128,7 @@ def test_gravity_on_a_brake_is_its_share_where_the_joint_rests():
         assert worst(result, "brake_load", k + 1).value == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.oracle
 def test_stops_around_the_worst_ones_find_what_stops_at_every_sample_find():
     motion = sdt.plan("post_roll").motion
     start = 1304  # the largest G is that of a stop at 6.715 s

@@ -151,10 +151,11 @@ def test_init_assumes_rotors_and_takes_over_friction_of_a_published_arm(good, de
     shown = good("view", "arm.urdf", "--out", "r.html").out
     assert "note: no rotor inertia of any joint is known" in shown
     assert "note: the file's <friction> [1.5, 0] N m is left out: plant.friction.coulomb" in shown
-    quiet = good("simulate", "scenario.yaml").out
+    short = ("--set", "motion=../../given/arm.yaml")
+    quiet = good("simulate", "scenario.yaml", *short).out
     assert "rotor" not in quiet
     axis = ("--set", "device.motors=[]", "--set", "drive.n1=[9,9]", "--set", "drive.n0=[1e9,1e9]")
-    told = good("simulate", "scenario.yaml", *axis).out
+    told = good("simulate", "scenario.yaml", *short, *axis).out
     assert "note: no rotor inertia of any joint is known" in told
 
 

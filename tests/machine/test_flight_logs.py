@@ -76,7 +76,7 @@ def test_rates_and_forward_force_follow_from_attitude_at_1_hz(tmp_path):
 
 
 def test_white_noise_is_taken_out_and_told_also_behind_a_lever(tmp_path):
-    time, _, rates = a_turn(period=0.01)
+    time, _, rates = a_turn(period=0.01, seconds=8.0)
     force = np.outer(1 + 0.3 * np.sin(0.5 * time) ** 2, [0, 0, GRAVITY])
     arm = (3.0, 0.0, 0.0)
     noisy = force + 3 * RNG.normal(size=force.shape), rates + 0.003 * RNG.normal(size=rates.shape)

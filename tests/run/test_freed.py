@@ -4,6 +4,7 @@ import gc
 import subprocess
 import sys
 import weakref
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -27,19 +28,22 @@ def test_dropped_loops_leave_no_memory():
     assert float(done.stdout) < 20  # MB
 
 
-def dropped(system):
-    """Whether a system is gone with its last name; `system` makes it."""
-    made = system()
-    context, gone = made.CreateDefaultContext(), weakref.ref(made)
-    del made, context
+def kept(**systems):
+    """Names of systems that are not gone with their last name; functions make them."""
+    gone = {}
+    for name, make in systems.items():
+        made = make()
+        made.CreateDefaultContext()
+        gone[name] = weakref.ref(made)
+    del made
     gc.collect()
-    return gone() is None
+    return [name for name, ref in gone.items() if ref() is not None]
 
 
-@pytest.mark.parametrize("name", alone.ARGUMENTS)
-def test_dropped_block_is_freed(name, robot, meshcat):
-    drawn = {"meshcat": meshcat} if name == "robot_drawing" else {}
-    assert dropped(lambda: alone.made(name, robot, **drawn))
+def test_dropped_blocks_are_freed(robot, meshcat):
+    drawn = {"robot_drawing": {"meshcat": meshcat}}
+    make = {x: partial(alone.made, x, robot, **drawn.get(x, {})) for x in alone.ARGUMENTS}
+    assert not kept(**make)
 
 
 class Tidy(LeafSystem, Controller):
@@ -61,12 +65,13 @@ class Tidy(LeafSystem, Controller):
 def test_dropped_loop_with_python_controller_is_freed(designed):
     register_controller("tidy", Tidy)
     design = designed("coupled_pi", {"controller.kind": "tidy"}, end=0.1)
-    assert dropped(lambda: make_loop(design).diagram)
+    assert not kept(tidy=lambda: make_loop(design).diagram)
 
 
 def test_dropped_coupled_and_drawn_loops_are_freed(designed, meshcat):
-    wrist = loaded(WRIST)
-    assert dropped(lambda: robot_plant(robot=wrist))
-    assert dropped(lambda: robot_plant(robot=wrist).ToAutoDiffXd())
-    design = designed("coupled_pi", end=0.1)
-    assert dropped(lambda: make_loop(design, meshcat=meshcat).diagram)
+    wrist, design = loaded(WRIST), designed("coupled_pi", end=0.1)
+    assert not kept(
+        coupled=lambda: robot_plant(robot=wrist),
+        slopes=lambda: robot_plant(robot=wrist).ToAutoDiffXd(),
+        drawn=lambda: make_loop(design, meshcat=meshcat).diagram,
+    )

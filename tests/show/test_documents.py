@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -149,6 +150,7 @@ EVIL = [
 ]  # fmt: skip
 
 
+@cache
 def placed(text, folder):
     """Tags of a page, and its texts between them without spaces, with a text in all PLACES."""
     read = Tags(places(text).page(folder))

@@ -89,6 +89,7 @@ def test_worker_ends_with_its_parent(tmp_path, temporary, act):
 # --- on a cluster ----------------------------------------------------------------------------
 
 
+@pytest.mark.oracle
 def test_cluster_survives_lost_worker_and_reports_versions_and_scheduler(desk, undisturbed):
     distributed = pytest.importorskip("distributed")
     from sdt_drake.studies.cluster import Cluster, run_row
