@@ -207,6 +207,9 @@ def test_brakes_are_those_of_the_motors_that_the_scenario_names():
     catalogue, ratio = load_catalogue(), [67.2, 1, 1, 1]
     own = [catalogue.motor(name, "").brake.static_torque for name in names]
     assert brakes.static.tolist() == pytest.approx(np.multiply(own, ratio))
+    none = Brakes.of([None], np.array([67.2]))
+    assert (none.static, none.dynamic, none.inertia) == (0, 0, 0)
+    assert (none.delay, none.energy, none.source) == (np.inf, np.inf, ("no brake",))
 
 
 @pytest.mark.parametrize("share", [1.01, 0.4])

@@ -206,6 +206,12 @@ def test_learned_reference_of_a_motion_nearby_is_refused(p_pi):
         p_pi.given(LearnedReference(nearby, planned=nearby.q))
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_learned_torque_may_take_all_that_the_motors_have(p_pi, side):
+    motion, robot = p_pi.reference.planned, p_pi.nominal
+    p_pi.given(LearnedReference(motion, robot.torque_range(motion.v)[side] / robot.gear_ratio))
+
+
 @pytest.mark.parametrize(
     ("change", "torque", "message"),
     [
