@@ -2,9 +2,11 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.motions import falling
 from helpers.robots import WRIST, chain_sdf, loaded
 
 import sdt_drake as sdt
@@ -95,7 +97,6 @@ def test_brakes_take_the_energy_of_a_robot_with_any_number_of_joints(n):
         robot.plant.SetPositions(context, q)
         return v @ robot.mass_matrix(context) @ v / 2 + robot.plant.CalcPotentialEnergy(context)
 
-    assert result.time[-1] == motion.time[-1]  # of which no step of 50 ms is
     for k, time in enumerate(result.time):
         lost = energy(motion.q[k], motion.v[k]) - energy(result.course(time).q[-1], none)
         assert result.figures["brake_energy"][k].sum() == pytest.approx(lost, rel=1e-3)
@@ -152,6 +153,14 @@ def test_a_ramp_is_as_long_as_the_torque_of_the_motors_requires(deceleration):
     else:
         assert needed <= longer * 1.001 <= 1.01 * needed and 0.99 <= share <= 1
     assert worst(result, "stopping_time", 1).value == pytest.approx(longer * W / deceleration, 1e-3)
+
+
+def test_a_motor_at_its_no_load_speed_has_no_torque_but_to_brake():
+    setting = dataclasses.replace(setting_of(0.0), robot=falling(SDT, 1.0, 2.0))
+    for torque, expected in ((0.0, 0), (-0.5 * SDT.effort_limit[0], 0.5), (1.0, np.inf)):
+        v, tau = 2.0 * np.eye(1, 4), torque * np.eye(1, 4)
+        course = SimpleNamespace(v=v, torque=tau, driven=np.ones((1, 4), dtype=bool))
+        assert setting.drive_torque(course) == pytest.approx([expected, 0, 0, 0])
 
 
 def test_a_failed_motor_leaves_its_joint_to_gravity_and_its_brake():
@@ -234,8 +243,10 @@ def test_a_motion_whose_stops_exceed_a_limit_at_any_speed_is_refused():
 
 
 def test_table_of_stops_has_every_instant():
-    result = along(setting_of(0.0, 5e4), turning())
+    motion = Motion.from_speeds(0.005, np.zeros(4), np.outer(np.linspace(W, 0.5, 44), [1, 0, 0, 0]))
+    result = along(setting_of(0.0, 5e4), motion)
     table = result.to_pandas()
+    assert table.index[-1] == motion.time[-1]  # from where no stop is the worst
     assert table.index.tolist() == result.time.tolist()
     assert table["stopping_time_1"].max() == worst(result, "stopping_time", 1).value
     assert result.hardest == result.time[result.figures["g"].argmax()]

@@ -102,7 +102,8 @@ def test_pins_hold_a_ring_on_both_sides_and_arrows_start_at_the_ring_outside():
     outer = [radii[0] + 2 * rod, radii[0]]
     for k, axis in enumerate(np.eye(3)[[2, 1]]):
         for name, side in ("joint", 1), ("joint_behind", -1):
-            assert found[f"{name}_{k}"].shape.length() == pytest.approx(outer[k] - radii[k])
+            pin = found[f"{name}_{k}"].shape
+            assert (pin.length(), pin.radius()) == pytest.approx((outer[k] - radii[k], 0.8 * rod))
             middle = centre + side * axis * (outer[k] + radii[k]) / 2
             np.testing.assert_allclose(at[f"{name}_{k}"].translation(), middle, atol=1e-12)
         start = centre + axis * (radii[0] + 0.07 * size)
