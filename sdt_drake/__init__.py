@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from sdt_drake.machine.accept.judge import accept_judge
     from sdt_drake.machine.accept.plan import accept_plan
     from sdt_drake.machine.accept.predict import accept_predict
+    from sdt_drake.machine.cueing.online import OnlineCueing
     from sdt_drake.machine.cueing.procedure import fly
+    from sdt_drake.machine.cueing.udp import UdpFlight
     from sdt_drake.machine.drive_files.export import export
     from sdt_drake.machine.identify.judge import judge
     from sdt_drake.machine.identify.procedure import identify
@@ -74,6 +76,8 @@ _PLACES = {
     "accept_predict": "machine.accept.predict:accept_predict",
     "export": "machine.drive_files.export:export",
     "fly": "machine.cueing.procedure:fly",
+    "OnlineCueing": "machine.cueing.online:OnlineCueing",
+    "UdpFlight": "machine.cueing.udp:UdpFlight",
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
@@ -94,11 +98,12 @@ _PLACES = {
     "InputError": "io.errors:InputError",
 }
 __all__ = [
-    "Controller", "ControllerOptions", "InputError", "Motion", "Recording", "Scenario",
-    "accept_judge", "accept_plan", "accept_predict", "bode", "compare", "design", "export",
-    "fly", "identify", "judge", "learn", "learn_update", "linear", "load", "load_robot", "loop",
-    "perceive", "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay",
-    "save", "simulate", "stability", "step", "stops", "track", "tune", "view",
+    "Controller", "ControllerOptions", "InputError", "Motion", "OnlineCueing", "Recording",
+    "Scenario", "UdpFlight", "accept_judge", "accept_plan", "accept_predict", "bode", "compare",
+    "design", "export", "fly", "identify", "judge", "learn", "learn_update",
+    "linear", "load", "load_robot", "loop", "perceive", "plan", "plots", "plots_motion",
+    "plots_pilot", "register_controller", "replay", "save", "simulate", "stability", "step",
+    "stops", "track", "tune", "view",
 ]  # fmt: skip
 
 

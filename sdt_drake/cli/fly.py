@@ -29,6 +29,7 @@ def run(
     model: Annotated[str, one_of("perception model")] = "slow_yaw",
     envelope: Annotated[str | None, one_of("scenario")] = None,
     alone: Flag = False,
+    online: Flag = False,
     trust: Trust = False,
 ) -> int | None:
     """Search for a motion that is felt like a recorded flight, within all limits of the device.
@@ -56,6 +57,7 @@ def run(
         model: parameter set of the perception model
         envelope: scenario with the torque-speed envelope of the device, as in `plan`
         alone: leave out the search without torque limits and the Pareto front
+        online: compare with an online cueing, which does not know the flight to come
     """
     from sdt_drake.cli.plan import driven
     from sdt_drake.machine.cueing.flight import read_flight
@@ -76,10 +78,13 @@ def run(
         device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
         torque_margin=torque_margin, g_weight=g_weight, vertical_weight=vertical_weight,
         acceleration_weight=acceleration_weight, perception=model, compare=not alone,
+        online=online,
     )  # fmt: skip
     page = write_flown(out, flown)
     summary = flown.summary()
     echo_wrapped(f"{recorded.name}: {flown.answer} (RMS errors of the head's motion).")
+    if flown.online:
+        echo_wrapped(f"{flown.online_answer[0].upper()}{flown.online_answer[1:]}.")
     echo(summary.title)
     print_table(summary.header, summary.rows)
     echo_wrapped(CAUTION)

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from traceback import extract_tb
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -107,8 +107,8 @@ def simulate(
         realtime_rate: simulated time per real time, 1 to watch in a Meshcat; 0 for full speed.
         q: initial angles, joint side [rad], shape (n,); see `Loop.set_steady_state`.
         v: initial speeds, joint side [rad/s], shape (n,); see `Loop.set_steady_state`.
-        probes: outputs of blocks to record in `Recording.probes`, beside those of the scenario,
-            whose field `probes` describes them.
+        probes: outputs of blocks of the diagram to record in `Recording.probes`, beside those of
+            the scenario, whose field `probes` describes them.
 
     Raises:
         InputError: if the diagram lacks the loop, an external reference or controller is not
@@ -164,11 +164,12 @@ def _sampler(loop: Loop, probes: Sequence[str], simulator: Simulator) -> Sampler
     names = scenario.probes
     if loop.diagram.HasSubsystemNamed("pilot"):
         names = (*names, *(f"pilot.{name}" for name in PILOT))
-    if probes != ():
-        names = (*names, *scenario.changed({"probes": probes}).probes)
-    if not names:
-        return None
     ports = chosen_ports(loop.diagram, names)
+    if probes != ():
+        outer = cast(Diagram, simulator.get_system())
+        ports |= chosen_ports(outer, scenario.changed({"probes": probes}).probes)
+    if not ports:
+        return None
     period, root = loop.design.reference.held.period, simulator.get_mutable_context()
     simulator.set_monitor(sampler := Sampler(ports, period, root))
     return sampler

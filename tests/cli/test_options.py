@@ -19,7 +19,7 @@ call, desk, given = (getattr(command_line, x) for x in ("call", "desk", "given")
 
 VALUES = {
     "--acceleration": "2 2 2 2", "--alone": "", "--all": "", "--approach": "5", "--at": "0.1",
-    "--at-rest": "",
+    "--at-rest": "", "--online": "",
     "--bandwidth": "2", "--cam-points": "20", "--category": "1", "--cutoff": "8",
     "--damping": "0.02", "--departure": "5", "--depth": "0", "--drake": "", "--draws": "3",
     "--duration": "0.2", "--effort": "", "--every": "0.25", "--failed-motor": "2", "--flights": "2",

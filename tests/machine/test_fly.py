@@ -13,6 +13,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import watching
 from sdt_drake.machine.cueing.felt import felt, followed, unfelt
 from sdt_drake.machine.cueing.flight import make_flight, read_flight
+from sdt_drake.machine.cueing.online_flight import with_online
 from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights
 from sdt_drake.machine.cueing.procedure import Effort, fly
 from sdt_drake.machine.cueing.program import rated
@@ -24,7 +25,7 @@ from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.orientation import perceive
 from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
-from sdt_drake.show.reports.fly import _starts
+from sdt_drake.show.reports.fly import _starts, fly_report
 
 ONE_START = Effort(seats=(0.0,), front=(0.1, 10.0))
 # At such a weight of G the motors are used as far as they may.
@@ -74,6 +75,19 @@ def test_flight_made_by_a_motion_gives_that_motion_back(robot):
     rate = np.degrees(np.abs(found.chosen.felt_rate_error[within]).max(axis=0))
     assert np.all(force < 0.1 * np.array([0.063, 0.057, 0.154]))
     assert np.all(rate < 0.1 * np.array([2.04, 2.07, 1.58]))
+
+
+def test_online_cueing_is_told_beside_the_found_motion(flown):
+    result = with_online(flown, None)
+    assert [one.name for one in result.online] == ["online, program", "online, washout"]
+    assert result.candidates[-2:] == [*result.online] and result.motion is flown.motion
+    told = result.numbers["online"]["program"]
+    g, _, vertical = result.online[0].errors(flown.felt)
+    assert told["g_error_rms"] == g and told["idle_g"] == 1.4 and told["kept_plans"] == 0
+    text = f"the program has G ({g:.3f} instead of {flown.chosen.g_error:.3f} G), felt rotation"
+    assert text in result.online_answer and f"({vertical:.1f} instead of" in result.online_answer
+    assert "a plan takes" in result.online_answer and "of the 200 ms" in result.online_answer
+    assert f"- **Online:** {result.online_answer}." in fly_report(result).markdown()
 
 
 def test_old_candidate_name_works_and_warns(flown):

@@ -104,6 +104,21 @@ class FlightColumns(Layout):
             if any(abs(x) != 1 for x in getattr(self, name)):
                 yield name, f"{[*getattr(self, name)]}, expected 1 and -1"
 
+    def force_of(self, values: Array) -> Array:
+        """Return specific force [m/s²], x forward, y left, z up, of its columns, shape (N, 2 or 3).
+
+        Two columns are those along y and z.
+        """
+        own = slice(3 - values.shape[1], 3)
+        signs = np.array(_AXES[self.axes]) * self.force_direction
+        scale = self.force_factor * FORCE_UNITS[self.force_unit]
+        return np.asarray((values + self.force_offset[own]) * signs[own] * scale)
+
+    def rate_of(self, values: Array) -> Array:
+        """Return the rate [rad/s], x forward, y left, z up, of its columns, shape (N, 3)."""
+        signs = np.array(_AXES[self.axes]) * self.omega_direction
+        return np.asarray(values * signs * self.omega_factor * _RATES[self.omega_unit])
+
 
 @dataclass(frozen=True, eq=False)
 class Flight:
@@ -245,13 +260,8 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
     time = times_of(numbers, columns, MIN_RATE)
     attitude = _attitude(numbers, columns)
     notes = list(numbers.notes)
-    force, rates = _values(numbers, places["force"]), _values(numbers, places["omega"])
-    scale = columns.force_factor * FORCE_UNITS[columns.force_unit]
-    first = 3 - force.shape[1]
-    axes = np.array(_AXES[columns.axes])
-    signs = (axes * columns.force_direction)[first:]
-    force = (force + columns.force_offset[first:]) * signs * scale
-    if first:
+    force = columns.force_of(_values(numbers, places["force"]))
+    if not columns.force[0]:
         speed = None
         if columns.speed:
             place = _places(numbers, [columns.speed], "speed")
@@ -260,8 +270,7 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
         force = np.column_stack([forward_force(time, attitude[:, 1], speed), force])
         notes.append("the forward force is from pitch" + " and airspeed" * bool(columns.speed))
     if columns.omega:
-        rates = rates * axes * columns.omega_direction
-        rates *= columns.omega_factor * _RATES[columns.omega_unit]
+        rates = columns.rate_of(_values(numbers, places["omega"]))
     else:
         assert attitude is not None
         rates = rates_of(time, attitude)

@@ -25,6 +25,7 @@ from sdt_drake.machine.cueing.candidate import SENSED_PERIOD, Candidate, percept
 from sdt_drake.machine.cueing.felt import felt, followed
 from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
 from sdt_drake.machine.cueing.objective import objective
+from sdt_drake.machine.cueing.online_flight import with_online
 from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_arm, resultant
 from sdt_drake.machine.cueing.program import fitted
 from sdt_drake.machine.cueing.reach import reach
@@ -71,7 +72,7 @@ _not_negative = partial(finite_number, minimum=0.0)
 @takes(
     columns=_columns, approach=positive, departure=positive, idle_g=resultant, knot=positive,
     torque_margin=share, g_weight=positive, vertical_weight=_not_negative,
-    acceleration_weight=_not_negative, effort=instance_of(Effort),
+    acceleration_weight=_not_negative, online=instance_of(bool), effort=instance_of(Effort),
 )  # fmt: skip
 def fly(
     robot: Robot | str | Path,
@@ -88,6 +89,7 @@ def fly(
     acceleration_weight: float = 0.1,
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
+    online: bool = False,
     effort: Effort = WHOLE,
 ) -> CueingResult:
     """Search for a motion of a device that is felt like a flight, within all limits.
@@ -128,6 +130,8 @@ def fly(
         acceleration_weight: The same for the felt acceleration [-].
         perception: Perception model of the pilot, or its name.
         compare: True to find the motion without limits of torque and the Pareto front, too.
+        online: True for the motions of an `OnlineCueing` too, which does not know what comes. It
+            begins with `idle_g`, or its own default.
         effort: Starts of the search, and weights of the Pareto front.
 
     Raises:
@@ -204,7 +208,7 @@ def fly(
         "interrupted": search.interrupted,
         "cpu_s": clock.process_time() - began,
     }  # fmt: skip
-    return result
+    return with_online(result, idle_g) if online and not search.interrupted else result
 
 
 def _alignments(

@@ -1,6 +1,7 @@
 """The result of a search: a motion near a flight, and other motions to compare."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sdt_drake.io.deprecated import renamed
@@ -31,6 +32,8 @@ class CueingResult(Shown):
     """The percept in flight; None if the model has no solution."""
     numbers: dict[str, object]
     """The content of summary.json."""
+    online: tuple[Candidate, ...] = ()
+    """Motions of an online cueing, which does not know what comes."""
 
     @property
     def motion(self) -> Motion:
@@ -40,7 +43,7 @@ class CueingResult(Shown):
     @property
     def candidates(self) -> list[Candidate]:
         """The best motion, and the motions to compare."""
-        others = [self.rest, self.alignment, self.washout, self.unlimited]
+        others = [self.rest, self.alignment, self.washout, self.unlimited, *self.online]
         return [self.chosen, *(one for one in others if one is not None)]
 
     @property
@@ -59,6 +62,20 @@ class CueingResult(Shown):
         if beaten := _told(alignment, own):
             text += f"; alignment is nearer in {_joined(alignment, own, beaten)}"
         return text
+
+    @property
+    def online_answer(self) -> str:
+        """Loss of an online cueing against the best motion, and its cost, in words."""
+        online = self.numbers["online"]
+        assert isinstance(online, dict)
+        own, program = self.chosen.errors(self.felt), self.online[0].errors(self.felt)
+        cost, every = online["program"], range(len(own))
+        usual, most = (100 * cost[f"computing_share_{x}"] for x in ("median", "max"))
+        return (
+            f"online, without knowing what comes, the program has {_joined(program, own, every)};"
+            f" a plan takes {usual:.0f} % of the {1000 * cost['period_s']:.0f} ms between plans,"
+            f" {most:.0f} % at most, and {cost['kept_plans']} plans were not taken"
+        )
 
     @property
     def options(self) -> list[Candidate]:
@@ -92,7 +109,7 @@ def _told(errors: Errors, others: Errors) -> list[int]:
             if float(form.format(one)) < float(form.format(other))]  # fmt: skip
 
 
-def _joined(errors: Errors, others: Errors, which: list[int]) -> str:
+def _joined(errors: Errors, others: Errors, which: Sequence[int]) -> str:
     """Return errors beside others in words."""
     words = []
     for k in which:

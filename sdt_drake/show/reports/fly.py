@@ -74,6 +74,7 @@ def fly_report(flown: CueingResult) -> Report:
         "reach": str(reach(best.robot, flight)),
         "sheet": _sheet(numbers["objective"]), "objective": numbers["objective"],
         "answer": flown.answer[0].upper() + flown.answer[1:],
+        "online_answer": flown.online_answer if flown.online else None,
         "least": size.min(), "most": size.max(),
         "rate_rms": np.degrees(np.sqrt((rate**2).mean(axis=0).sum())),
         "vertical": "unknown; the model of the pilot does not cover weightlessness" if felt is None

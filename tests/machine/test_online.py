@@ -1,0 +1,204 @@
+"""Cueing of a flight as it comes: limits, stops, its state, what it loses, and a flight by UDP."""
+
+import gc
+import socket
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+import sdt_drake as sdt
+from sdt_drake.machine.cueing.candidate import Candidate, percept_of
+from sdt_drake.machine.cueing.flight import make_flight, read_flight
+from sdt_drake.machine.cueing.online import LAWS, OnlineCueing
+from sdt_drake.machine.cueing.online_flight import run_online
+from sdt_drake.machine.cueing.search import is_within
+from sdt_drake.machine.cueing.udp import UdpFlight
+from sdt_drake.pilot import load_perception
+from sdt_drake.pilot.head import GRAVITY, head_motion
+from sdt_drake.systems.reference import sample_source
+
+LEVEL = np.array([0.0, 0.0, GRAVITY])
+
+
+def steady(force, seconds):
+    """A flight of constant force [m/s²] without rotation."""
+    time = np.arange(0, seconds + 0.01, 0.1)
+    return make_flight(time, np.tile(force, (len(time), 1)), np.zeros((len(time), 3)))
+
+
+@pytest.fixture(scope="module")
+def roll_in():
+    """Nine seconds of the shipped turn, from 1 to 2 G."""
+    flight = read_flight("turn")
+    own = (flight.time >= 5) & (flight.time <= 14)
+    return make_flight(flight.time[own], flight.specific_force[own], flight.angular_rate[own])
+
+
+@pytest.fixture(scope="module")
+def runs(robot, roll_in):
+    up = roll_in.specific_force[0]
+    return {law: run_online(OnlineCueing(robot, law=law, sense=-1, up=up), roll_in) for law in LAWS}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_motion_keeps_all_limits_and_stops_when_the_flight_is_silent(runs, law, robot, roll_in):
+    run = runs[law]
+    assert is_within(robot, run.motion, 0.95)
+    assert np.abs(run.motion.v[0]).max() > 1.9 and np.all(run.motion.v[-1] == 0)  # 1.4 G at first
+    assert run.motion.duration < roll_in.duration + 3 + 16  # a plan, and the longest stop
+    assert not run.is_kept.any() and len(run.computing_share) == 44
+
+
+def test_program_is_felt_nearer_than_the_washout_within_the_same_limits(runs, robot, roll_in):
+    model = load_perception("slow_yaw")
+    time = np.arange(0, roll_in.duration, 0.02)
+    felt = percept_of(model, time, *roll_in.at(time))
+    program, washout = (
+        Candidate(law, robot, runs[law].motion, roll_in, 0.0, model).errors(felt) for law in LAWS
+    )
+    assert program[1] < 0.5 * washout[1] and program[2] < 0.5 * washout[2]
+
+
+def test_washout_of_a_steady_force_ends_at_that_force(robot):
+    force = 1.5 * GRAVITY * np.array([0.3, 0.0, np.sqrt(1 - 0.3**2)])
+    run = run_online(OnlineCueing(robot, law="washout"), steady(force, 14.0))
+    last = round(14.0 / run.motion.period)
+    head = head_motion(
+        robot, *(x[last : last + 1] for x in (run.motion.q, run.motion.v, run.motion.vd))
+    )
+    np.testing.assert_allclose(head.specific_force[0], force, atol=0.02 * GRAVITY)
+
+
+def test_mirrored_flight_gives_the_mirrored_motion(robot, roll_in):
+    """The pilot then looks the other way along the arm's circle: the last angle is pi - q."""
+    own = roll_in.time < 2
+    time, force, rate = (
+        getattr(roll_in, x)[own] for x in ("time", "specific_force", "angular_rate")
+    )
+    left = make_flight(time, force * [1, -1, 1], rate * [-1, 1, -1])
+    one, other = (
+        run_online(OnlineCueing(robot, sense=sense, seat=seat, up=x.specific_force[0]), x).motion.q
+        for sense, seat, x in ((-1, 0.0, make_flight(time, force, rate)), (1, np.pi, left))
+    )
+    np.testing.assert_allclose(other, [0, 0, 0, np.pi] + one * [-1, 1, -1, -1], atol=1e-5)
+
+
+@pytest.mark.parametrize("odd", [np.nan, 1e200])
+def test_input_that_is_no_flight_stops_the_device_and_a_flight_starts_it_again(robot, odd):
+    level = np.concatenate([LEVEL, np.zeros(3)])
+    pause = np.vstack([level, level, level + odd, level + odd, level, level])
+    builder = DiagramBuilder()
+    source = builder.AddSystem(sample_source(np.array([0, 0.5, 0.501, 9.0, 9.001, 12.0]), pause))
+    cueing = builder.AddSystem(OnlineCueing(robot, law="washout", idle_g=1.01))
+    builder.Connect(source.get_output_port(), cueing.get_input_port())
+    simulator = Simulator(builder.Build())
+    own = cueing.GetMyContextFromRoot(simulator.get_context())
+    found = {}
+    for time in (0.45, 0.75, 8.9, 11.9):
+        simulator.AdvanceTo(time)
+        speed = cueing.GetOutputPort("reference").Eval(own)[4:8]
+        found[time] = cueing.GetOutputPort("is_kept").Eval(own)[0], np.abs(speed).max()
+    assert [kept for kept, _ in found.values()] == [0, 1, 1, 0]
+    assert found[0.75][1] > 0.1 and found[8.9][1] < 1e-9 < found[11.9][1]
+
+
+def test_all_state_is_in_the_context(robot, roll_in):
+    builder = DiagramBuilder()
+    samples = np.hstack([roll_in.specific_force, roll_in.angular_rate])
+    source = builder.AddSystem(sample_source(roll_in.time, samples))
+    cueing = builder.AddNamedSystem("cueing", OnlineCueing(robot, law="washout"))
+    builder.Connect(source.get_output_port(), cueing.get_input_port())
+    diagram = builder.Build()
+    first = Simulator(diagram)
+    first.AdvanceTo(1.0)
+    second = Simulator(diagram, first.get_context().Clone())
+    ends = []
+    for simulator in (first, second):
+        simulator.AdvanceTo(2.0)
+        own = cueing.GetMyContextFromRoot(simulator.get_context())
+        ends.append(cueing.GetOutputPort("reference").Eval(own))
+    np.testing.assert_array_equal(*ends)
+    assert np.abs(ends[0][4:8]).max() > 0.1
+
+
+def test_block_drives_the_reference_port_of_the_loop_and_is_freed(robot, roll_in):
+    samples = np.hstack([roll_in.specific_force, roll_in.angular_rate])
+    motion = sdt.Motion.from_speeds(0.005, np.zeros(4), np.zeros((121, 4)))
+    scenario = sdt.load("coupled_pi_ctc", {"inverse_dynamics": "online"})
+    loop = sdt.loop(sdt.design(scenario, motion=motion), reference="external")
+    cueing = OnlineCueing(robot, law="washout")
+    builder = DiagramBuilder()
+    source = builder.AddSystem(sample_source(roll_in.time, samples))
+    for system in (cueing, loop.diagram):
+        builder.AddSystem(system)
+    builder.Connect(source.get_output_port(), cueing.get_input_port())
+    builder.Connect(cueing.GetOutputPort("reference"), loop.GetInputPort("reference"))
+    q, v = cueing.start
+    cueing.set_name("cueing")
+    run = sdt.simulate(loop, builder.Build(), q=q, v=v, probes=["cueing.is_kept"])
+    assert np.abs(run.speed_error).max() < 0.05 and run.v[-1, 0] == pytest.approx(v[0], rel=0.1)
+    np.testing.assert_array_equal(run.probes["cueing.is_kept"][[0, -1], 0], [1, 0])
+    block = weakref.ref(cueing)
+    del cueing, builder, system, loop, source
+    gc.collect()
+    assert block() is None
+
+
+def test_device_without_an_endless_arm_begins_at_rest_and_keeps_its_stops(robot, roll_in):
+    ends = np.radians([30.0, 20.0, 20.0, 40.0])
+    bound = replace(robot, position_lower=-ends, position_upper=ends)
+    cueing = OnlineCueing(bound, law="washout")
+    assert cueing.idle_g == 1 and np.all(cueing.start[1] == 0)
+    run = run_online(cueing, roll_in)
+    assert np.abs(run.motion.q).max(axis=0)[1] > np.radians(5) and is_within(
+        bound, run.motion, 0.95
+    )
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"idle_g": 9.0}, "idle_g: 9 G, expected a resultant that sdt can hold"),
+        ({"idle_g": 0.5}, "idle_g: 0.5 G, expected 1 to 10 G"),
+        ({"sense": 0}, "sense: 0, expected 1 or -1"),
+        ({"law": "none"}, "law: 'none'"),
+        ({"knot": 0.0123}, "knot: "),
+        ({"up": [1.0, 2.0]}, "up: "),
+        ({"perception": "nobody"}, "nobody"),
+    ],
+)
+def test_wrong_option_is_refused(robot, options, message):
+    with pytest.raises(sdt.InputError, match=message):
+        OnlineCueing(robot, **options)
+
+
+def test_newest_datagram_counts_and_silence_is_no_flight():
+    flight = UdpFlight(columns="jsbsim", silence=0.1)
+    simulator = Simulator(flight)
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    context = simulator.get_context()
+
+    def after(time, *lines):
+        for line in lines:
+            sender.sendto(line, ("127.0.0.1", flight.port))
+        simulator.AdvanceTo(time)
+        return flight.GetOutputPort("flight").Eval(context).tolist()
+
+    assert after(0.5) == [0, 0, GRAVITY, 0, 0, 0]  # also a long time before the first one
+    one, two = b"0.1, 1, 1, 1, 1, 1, 1\n", b"0.2, 10, 20, -30, 0.1, 0.2, 0.3\n"
+    ft = 0.3048  # of JSBSim, whose y is to the right and z down
+    told = [10 * ft, -20 * ft, 30 * ft, 0.1, -0.2, -0.3]
+    assert after(0.51, b"<LABELS> , Time, a, b, c, p, q, r\n", one, two) == pytest.approx(told)
+    bad = b"1,2,3\n", b"0.3, 1, 1, 1, nan, 1, 1", b"\xff\xff", b"0.3, 1, 1, 1, 1, 1, 1e999"
+    assert after(0.55, *bad) == pytest.approx(told)
+    assert flight.GetOutputPort("refused").Eval(context)[0] == len(bad)
+    assert np.isnan(after(0.7)).all()
+    assert after(0.71, two) == pytest.approx(told)
+    with pytest.raises(sdt.InputError, match=f"port: {flight.port} cannot be opened: "):
+        UdpFlight(flight.port)
+    with pytest.raises(sdt.InputError, match="port: 99999 cannot be opened: "):
+        UdpFlight(99999)
