@@ -11,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 import sdt_drake as sdt
+from sdt_drake.machine.cueing import online
 from sdt_drake.machine.cueing.candidate import Candidate, percept_of
 from sdt_drake.machine.cueing.flight import make_flight, read_flight
 from sdt_drake.machine.cueing.online import LAWS, OnlineCueing
@@ -104,6 +105,17 @@ def test_input_that_is_no_flight_stops_the_device_and_a_flight_starts_it_again(r
         found[time] = cueing.GetOutputPort("is_kept").Eval(own)[0], np.abs(speed).max()
     assert [kept for kept, _ in found.values()] == [0, 1, 1, 0]
     assert found[0.75][1] > 0.1 and found[8.9][1] < 1e-9 < found[11.9][1]
+
+
+def test_plans_beyond_the_limits_are_not_taken_and_the_device_stops(robot, monkeypatch):
+    """With three times the speed of the arm, every plan breaks a limit."""
+    fast = np.array([3.0, 1.0, 1.0, 1.0])
+    monkeypatch.setattr(
+        online, "solve", lambda problem, start, *_: replace(start, v=fast * start.v)
+    )
+    run = run_online(OnlineCueing(robot, law="washout"), steady(1.4 * LEVEL, 13.0))
+    assert run.is_kept.all() and is_within(robot, run.motion, 0.95)
+    assert run.motion.duration < 13 and np.all(run.motion.v[-1] == 0)
 
 
 def test_all_state_is_in_the_context(robot, roll_in):
