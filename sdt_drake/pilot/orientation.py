@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from threading import Lock
 from typing import TYPE_CHECKING
 
@@ -185,7 +186,9 @@ def perceive(
     set_unfelt(observer, own, specific_force[0], angular_rate[0])
     at = np.linspace(0, count * period, count + 1)
     if period > LONGEST_EXPLICIT:
-        logged = _solved(diagram, context, at)
+        still = ~np.any(np.diff(samples, axis=0), axis=1)
+        turns = np.flatnonzero(np.diff(still)) + 1
+        logged = _solved(diagram, context, at, (time - time[0])[turns], bool(still[0]))
     else:
         simulator = make_simulator(diagram, context=context, period=period, accuracy=ACCURACY)
         simulator.Initialize()
@@ -199,10 +202,13 @@ _LSODA = Lock()
 """Lock of `odeint`, which up to scipy 1.16 keeps its memory in one place for all threads."""
 
 
-def _solved(diagram: Diagram, context: Context, times: Array) -> Array:
+def _solved(
+    diagram: Diagram, context: Context, times: Array, turns: Array, is_still: bool
+) -> Array:
     """Return the output of a diagram at times [s], shape (N, size), by a method for stiff systems.
 
-    No step is longer than those between the times.
+    The input is still and changes by turns, first `is_still`. While it changes, no step is longer
+    than those between the times.
     """
 
     def at(time: float, state: Array) -> Context:
@@ -213,12 +219,18 @@ def _solved(diagram: Diagram, context: Context, times: Array) -> Array:
     def slopes(time: float, state: Array) -> Array:
         return diagram.EvalTimeDerivatives(at(time, state)).CopyToVector()
 
-    start = context.get_continuous_state_vector().CopyToVector()
-    accuracy = {"rtol": ACCURACY, "atol": 0.01 * ACCURACY, "hmax": times[1] - times[0]}
-    with _LSODA:
-        states = odeint(slopes, start, times, tfirst=True, **accuracy)
+    accuracy = {"rtol": ACCURACY, "atol": 0.01 * ACCURACY, "tfirst": True}
+    states = [context.get_continuous_state_vector().CopyToVector()[np.newaxis]]
+    last, longest = states[0][0], (times[1] - times[0], 0.0)
+    for start, end in pairwise([0.0, *turns, times[-1]]):
+        inside = times[(times > start) & (times <= end)]
+        with _LSODA:
+            found = odeint(slopes, last, [start, *inside, end], hmax=longest[is_still], **accuracy)
+        states.append(found[1:-1])
+        last, is_still = found[-1], not is_still
     out = diagram.get_output_port()
-    return np.array([np.array(out.Eval(at(*own))) for own in zip(times, states, strict=True)])
+    rows = zip(times, np.concatenate(states), strict=True)
+    return np.array([np.array(out.Eval(at(*row))) for row in rows])
 
 
 def _check(time: Array, specific_force: Array, angular_rate: Array) -> None:

@@ -104,7 +104,7 @@ def test_stiffness_equals_integral_gain_and_position_loops_leave_no_error(design
 @pytest.mark.parametrize("label", ["pi_id", "p_pi", "pi_scheduled", "inverse_dynamics"])
 def test_every_controller_follows_reference_step_at_rest(designed, label):
     design = designed("coupled_pi", {"controller.kind": label}, motion=REST)
-    found = sdt.step(design, joint=4, size=0.002, at=0.05, duration=0.7)
+    found = sdt.step(design, joint=4, size=0.002, at=0.05, duration=0.35)
     assert found.metrics["v"][3].steady_state_error == pytest.approx(0, abs=2e-5)
 
 

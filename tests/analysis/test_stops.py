@@ -28,7 +28,7 @@ W = 1.5  # rad/s, of the arm
 STOP = load_stopping("stops", 4).changed({"every": 0.2, "limits": {}})
 
 
-def turning(w=W, roll=0.0, duration=0.2):
+def turning(w=W, roll=0.0, duration=0.05):
     """The arm at a constant speed, and the roll axis, too."""
     count = round(duration / 0.005) + 1
     return Motion.from_speeds(0.005, np.zeros(4), np.tile([w, roll, 0.0, 0.0], (count, 1)))
@@ -142,7 +142,7 @@ def test_stops_around_the_worst_ones_find_what_stops_at_every_sample_find():
 
 @pytest.mark.parametrize("deceleration", [0.3, 3.0])
 def test_a_ramp_is_as_long_as_the_torque_of_the_motors_requires(deceleration):
-    motion = turning(duration=0.2)
+    motion = turning(duration=0.02)
     changes = {"category": 1, "deceleration": [deceleration, 9, 9, 9]}
     result = found(motion, changes)
     share, longer = worst(result, "drive_torque", 1).value, worst(result, "longer").value
@@ -164,7 +164,7 @@ def test_a_motor_at_its_no_load_speed_has_no_torque_but_to_brake():
 
 
 def test_a_failed_motor_leaves_its_joint_to_gravity_and_its_brake():
-    motion = turning(0.5, roll=1.0)
+    motion = turning(0.5, roll=1.0, duration=0.1)
     both, failed = (found(motion, {"category": 2, "failed_motor": x}) for x in (None, 2))
     assert not both.figures["brake_energy"].any()
     energy = failed.figures["brake_energy"].max(axis=0) > 0

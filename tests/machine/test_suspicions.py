@@ -143,7 +143,11 @@ def test_a_payload_is_no_unit(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "share"),
-    [("six", 0.2), ("seven", 0.2), ("cobot", 0.1), pytest.param("ur10", 0.2, marks=needs_data)],
+    [
+        ("six", 0.2),
+        pytest.param("ur10", 0.2, marks=needs_data),
+        *(pytest.param(*x, marks=pytest.mark.oracle) for x in (("seven", 0.2), ("cobot", 0.1))),
+    ],
 )
 def test_a_tool_that_the_file_lacks_is_told_with_its_mass_in_place_of_a_unit(name, share):
     """Torques of wrists are 5 to 50 times those of the file, in per cent of their limits or so."""
