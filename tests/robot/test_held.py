@@ -27,6 +27,7 @@ def place(robot, link):
 
 HOLDS = [
     ({"hold": "finger_left=0.02"}, 0.02, 0.031),
+    ({"hold": "finger_left=0"}, 0.0, 0.001),  # its lower limit
     ({"hold": ["finger_left=0.02", "finger_right=0.03"]}, 0.02, 0.03),
     ({"hold": "finger_left, finger_right"}, 0.0, 0.001),
     ({"tip": "lower"}, 0.0, 0.001),

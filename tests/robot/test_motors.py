@@ -38,6 +38,12 @@ def total_mass(robot) -> float:
 
 CHOICES = {
     "lighter": ({"motors": LIGHTER, "fitted": FITTED}, [150, 2860, 1430, 716], ROTORS, 67.2),
+    "one motor": (
+        {"motors": ["", "TM-2860", "", ""], "fitted": FITTED},
+        [203.2, 2860, 2150, 2150],
+        [0.1291, ROTORS[1], 0.531, 0.531],
+        67.2,
+    ),
     "gears alone": ({"gear_ratio": [50, 1, 1, 1]}, [203.2, 3950, 2150, 2150], None, 50),
 }
 

@@ -15,6 +15,7 @@ from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.motion import Motion, checked_torque, margins
 from sdt_drake.robot.parsed import parts_of
+from sdt_drake.robot.published import few
 
 FLAT = '<inertia ixx="0.1" iyy="0.2" izz="0.25"/>'
 
@@ -83,8 +84,17 @@ def test_ros_differential_transmission_gives_the_coupling():
     kind = "<type>transmission_interface/DifferentialTransmission</type>"
     start, end = URDF.index("<transmission"), URDF.index("</transmission>")
     text = f'{URDF[:start]}<transmission name="wrist">{kind}{inner}{URDF[end:]}'
-    np.testing.assert_array_equal(loaded(text, ".urdf").coupling, [[6, 10], [-21, 35]])
+    robot = loaded(text, ".urdf")
+    np.testing.assert_array_equal(robot.coupling, [[6, 10], [-21, 35]])
+    for one, other in zip(
+        ("'shoulder'", "'elbow'"), ("'elbow' (10)", "'shoulder' (-21)"), strict=True
+    ):
+        assert f"the motor of {one} also turns with {other}: rec" in " ".join(robot.accepted)
     refused(text, ">5<", ">0<", "'wrist': <mechanicalReduction> is '0', expected")
+
+
+def test_of_many_names_the_first_are_told():
+    assert few("abcd") == "a, b, c and d" and few("abcdef") == "a, b, c and 3 others"
 
 
 def test_recorded_torques_of_coupled_motors_become_joint_torques(wrist, tmp_path):

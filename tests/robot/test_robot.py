@@ -65,6 +65,7 @@ _MOMENTS = "<ixx>0.25</ixx><iyy>0.5</iyy><izz>0.6</izz>"
 _LOWER_INERTIAL = ARM[ARM.rindex("<inertial>") : ARM.rindex("</link>")]
 _THIRD_LINK = f'<link name="third"><pose relative_to="elbow"/>{_LOWER_INERTIAL}</link>'
 _END = "</model>"
+_ACCELERATION = "<drake:acceleration>2</drake:acceleration>"
 _ELBOW_JOINT = ARM[ARM.index('<joint name="elbow"') : ARM.index(_END)]
 _WRIST = _ELBOW_JOINT.replace('"elbow"', '"wrist"').replace("lower", "third")
 
@@ -96,6 +97,11 @@ BAD = [
     # Motors.
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
     ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
+    (
+        "<parent>upper",
+        f"{_ACCELERATION}<parent>upper",
+        "<acceleration> in <joint> is not sup",
+    ),
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
     # Files.
     ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
