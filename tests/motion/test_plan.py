@@ -140,6 +140,10 @@ def test_position_share_is_to_both_limits_or_a_single_one(robot, plan):
     lower[3] = 0  # it starts at the limit: no margin
     below = margins(limited, plan.motion)
     assert below.share["position"][0, 3] == 1 and below.smallest.left <= 0
+    lower[3], upper[3] = -np.inf, 0.1
+    turning = Motion.from_speeds(PERIOD, np.zeros(4), np.ones((3, 4)))  # at the start, too
+    share = margins(limited, turning).share["position"][:, 3]
+    np.testing.assert_allclose(share, turning.q[:, 3] / 0.1, atol=1e-12)
 
 
 def test_envelope_limits_driving_but_not_braking(robot):
