@@ -173,6 +173,17 @@ def test_a_failed_motor_leaves_its_joint_to_gravity_and_its_brake():
     assert (failed.figures["drive_torque"][:, 1] == 0).all()
 
 
+@pytest.mark.parametrize("ramp", ["joint", "coordinated"])
+def test_a_failed_motor_has_no_ramp_and_lengthens_none(ramp):
+    changes = {"category": 1, "deceleration": [1.0] * 4, "failed_motor": 2, "ramp": ramp}
+    brakes = setting_of(0.3).brakes
+    schedule = STOP.changed(changes).schedule(brakes, np.array([0.1, 5.0, 0.1, 0.2]))
+    expected = [0.1, 0, 0.1, 0.2] if ramp == "joint" else [0.2, 0, 0.2, 0.2]
+    np.testing.assert_allclose(schedule.ramp, expected)
+    np.testing.assert_allclose(schedule.closed, [0.5, 0, 0.2, 0.2])
+    np.testing.assert_allclose(schedule.released, [0.5, 0, 0.2, 0.2])
+
+
 def test_a_joint_tells_the_speed_at_which_it_reaches_its_stop():
     """The stop is 0.1 rad away: w² = w0² - 2 a (0.1), and 0 if the brake is stronger."""
     ends = np.array([0.1, np.inf, np.inf, np.inf])

@@ -49,6 +49,19 @@ def test_friction_compensation_is_not_scaled_by_the_feedforward_gain(designed):
     np.testing.assert_allclose(design.tuning.feedforward.along, expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["pi", "pi_id"])
+def test_another_feedforward_is_steady_without_the_torque_of_the_first_acceleration(designed, name):
+    def along(controller, size):
+        v = size * np.outer(range(3), [0.01, 0.005, 0.002, 0.001])
+        motion = Motion.from_speeds(0.005, np.array([0.0, 0.4, -0.1, 0.2]), v)
+        return designed("coupled_pi", kind(controller), motion=motion)
+
+    torque, still = (along("pi_id", size).tuning.feedforward.along for size in (1, 0))
+    given = along(name, 1).with_feedforward(torque).feedforward_override
+    np.testing.assert_allclose(given.steady, still[0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(given.along, torque)
+
+
 def test_wrong_model_changes_controller_and_not_plant(make):
     right, wrong = make("pi_id"), make("pi_id", model=LIGHT)
     # 180 kg with the payload, 140 kg without a part of it.
