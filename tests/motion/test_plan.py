@@ -98,6 +98,7 @@ def test_reference_motion_is_unlimited_with_margins_of_its_torques(robot, plan):
     motion, report = plan.motion, margins(robot, plan.motion)
     assert not plan.limited.any() and plan.loss is None
     np.testing.assert_array_equal(checked_torque(robot, motion), plan.torque)
+    assert repr(motion) == "<Motion of 4 joints: 30 s in steps of 5 ms>"
     assert plan.summary().title == "of 4 joints: 30 s in steps of 5 ms"
     assert motion.plot(robot.joint_names).axes
     with pytest.raises(InputError, match=r"joint_names: 3 name\(s\), expected 4"):
@@ -152,6 +153,9 @@ def test_envelope_limits_driving_but_not_braking(robot):
     left = np.clip(1.5 - motion.v[:, 0], 0, 1)
     np.testing.assert_allclose(report.highest[:, 0], LIMITS[0] * left)
     np.testing.assert_allclose(report.lowest[:, 0], -LIMITS[0])
+
+    used = margins(falling(robot, 0.5, 0.8), motion).share["torque at speed"][:, 0]
+    assert used[round(3 / PERIOD)] < 1e-9 and used[round(1.9 / PERIOD)] == np.inf  # no torque there
     share, plain = (report.share[name][:, 0] for name in ("torque at speed", "torque"))
     driving = report.torque[:, 0] > 0
     np.testing.assert_allclose(share, np.where(driving, plain / left, plain))

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import (
+    Command,
     checked_torque,
     command_of,
     commanded_motion,
@@ -286,6 +287,16 @@ def test_end_in_motion_beyond_torque_is_refused_with_its_torque(robot, when, spe
     told = rf"joint 1 'planetary' needs torque {needed:.6g} N m, available ±682\.752 N m"
     with pytest.raises(InputError, match=rf"'alone' refused: at its {when}, in motion, {told}"):
         retime(robot, alone(knots([0, speeds[0]], [1, speeds[1]])), torque_margin=0.05)
+
+
+def test_end_in_motion_names_the_joint_that_lacks_most(robot):
+    speeds = (knots([0, 1], [0.2, 0.9]), knots([0, 0.1], [0.2, 0]), *[knots([0, 0], [0.2, 0])] * 2)
+    command = Command("both", 0.2, np.zeros(4), speeds)
+    motion = sampled(command)
+    needed = np.abs(at_gears(robot, motion.q, motion.v, motion.vd)[0])
+    weak = dataclasses.replace(robot, effort_limit=(needed + 1) / [1.2, 1.8, 0.1, 0.1])
+    with pytest.raises(InputError, match="at its start, in motion, joint 2 'roll' needs"):
+        retime(weak, command)
 
 
 # 45000 rad at the speed limit; nothing but inertia: times go with the root of the torque.

@@ -36,6 +36,7 @@ def test_shipped_scenarios_have_the_published_numbers(designed):
         scenario = design.scenario
         assert scenario.controller.setpoint_weight == 0
         assert scenario.algorithm == "printed"
+        assert repr(scenario).startswith(f"<Scenario {name}: PI")
         assert scenario.disturbance == DisturbanceChoice(amplitude, 2 * np.pi)
         numbers = design.i_eff, design.tuning.gains.kp, design.tuning.gains.ki
         np.testing.assert_array_equal(numbers, (I_EFF, KP, KI))
