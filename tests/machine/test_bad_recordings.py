@@ -122,6 +122,8 @@ MEANINGS = [  # what the file has, what its mapping says, and what is to be writ
     (np.degrees, "motor", {}, "angle: deg, position_side: motor"),
     (np.degrees, "motor", {"position_side": "motor"}, "angle: deg"),
     (None, None, {"angle": "deg"}, "angle: rad"),
+    (lambda q: q / (2 * np.pi), None, {}, "angle: turn"),
+    (lambda q: q / (2 * np.pi), "motor", {}, "angle: turn, position_side: motor"),
     (None, None, {"position_side": "motor"}, "position_side: joint"),
 ]
 

@@ -46,7 +46,8 @@ def mappings(draw) -> Columns:
         encoding=draw(st.sampled_from(["utf-8", "latin-1", "utf-16"])),
         time_factor=draw(st.sampled_from([1.0, 1e-3, 60.0])), v=[],
         q=list("2345"), q_ref=list("2345"), tau=list("6789"), tau_ff=list("6789"),
-        angle=draw(st.sampled_from(["deg", "rad"])), side=draw(st.sampled_from(["motor", "joint"])),
+        angle=draw(st.sampled_from(["deg", "rad", "turn"])),
+        side=draw(st.sampled_from(["motor", "joint"])),
         position_side=draw(st.sampled_from(["motor", "joint"])),
         position_offset=rng.normal(size=4).tolist(), torque_factor=rng.uniform(1, 9, 4).tolist(),
         direction=rng.choice([-1.0, 1.0], 4).tolist(),
@@ -59,7 +60,7 @@ def test_recording_is_the_same_in_any_format_unit_and_side(tmp_path_factory, rob
     rng, time, gear = np.random.default_rng(1), 0.01 * np.arange(N), robot.gear_ratio
     q, tau = rng.normal(size=(2, N, 4))
     angle, torque = (q - m.position_offset) / m.direction, tau / m.torque_factor / m.direction
-    angle = np.degrees(angle) if m.angle == "deg" else angle
+    angle = angle / {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi}[m.angle]
     angle = angle * gear if m.position_side == "motor" else angle
     torque = torque / gear if m.side == "motor" else torque
     path = write(

@@ -56,6 +56,7 @@ REMEDIES = {
     "zero_10": "position_offset: [0, ",
     "coupled_motors": "",
     "swapped_at_wrist": "tau: in the order [1, 3, 2]",
+    "turns": "angle: turn",
     "torque_late": "torque_delay: 0.01",
     "torque_of_one_late": "",
     "hysteresis": "",
@@ -121,6 +122,18 @@ def test_a_unit_of_one_name_is_written_for_joints_that_do_not_show_it():
         assert unit.finding.joints == (1, 2) and expected in str(unit.finding)
 
 
+@pytest.mark.parametrize(("factor", "expected"), [(1.0, []), (1e-3, [(3,)])])
+def test_a_unit_of_one_torque_is_told_by_its_friction_where_links_tell_nothing(factor, expected):
+    """The last link is so light that its torque is friction alone, as that of a real wrist."""
+    table = replace(simulated.ARM, name="light", mass=[12.0, 8.0, 1e-4], rotor_inertia=[0.0] * 3)
+    robot = simulated.mounted(table)
+    time, q, v, vd = simulated.course(robot, np.random.default_rng(0), 20.0, 100.0)
+    rubs = [8.0, 9.0, 3.0] * (np.tanh(v / 0.002) + v / np.abs(v).max(axis=0))
+    tau = (inverse_dynamics(robot, q, v, vd) + rubs) * [1.0, 1.0, factor]
+    found = said(robot, Recorded(Path("f.csv"), time, {"q": q, "tau": tau}))
+    assert [one.joints for one in found if one.kind == "unit"] == expected
+
+
 @pytest.mark.parametrize("seed", [2, 7])  # wrists with 3 to 6 % of the torque of usual links
 def test_another_size_of_a_small_torque_is_no_unit(seed):
     robot, recorded = recording(f"random{seed}", "", seed)
@@ -174,11 +187,25 @@ def test_a_unit_and_a_tool_that_are_as_likely_are_both_told():
 
 
 @pytest.mark.oracle
-@pytest.mark.parametrize("fault", ["no_gravity", "zero_10", "swapped_at_wrist"])
-def test_fault_of_six_joints_is_named(fault):
-    robot, recorded = recording("cobot", fault, 100)
-    found = misread(robot, equations_of(robot, recorded))
-    assert any(names(one, fault) for one in found)
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("cobot", "no_gravity"), ("heavy", "no_gravity"), ("cobot", "zero_10"),
+        ("heavy", "zero_10"), ("sdt", "zero_10"), ("cobot", "swapped_at_wrist"),
+    ],
+)  # fmt: skip
+def test_fault_is_named_alone_at_other_robots(name, fault):
+    """Zeros of two parallel joints explain as much, so both are told."""
+    robot, recorded = recording(name, fault, 100)
+    (one,) = misread(robot, equations_of(robot, recorded))
+    assert names(one, fault)
+    assert ("; or an offset of " in one.sentence) == (name == "heavy" and fault == "zero_10")
+
+
+@pytest.mark.parametrize("name", ["cobot", pytest.param("kuka", marks=needs_data)])
+def test_a_spring_that_links_of_its_joint_alone_would_explain_is_named(name):
+    found = said(*recording(name, "spring", 100))
+    assert names(found[0], "spring") and found[0].joints == (2,)
 
 
 @needs_data

@@ -14,10 +14,12 @@ from scipy.ndimage import uniform_filter1d
 from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.machine.diagnose import constants as c
 from sdt_drake.machine.diagnose import explained
-from sdt_drake.machine.recordings.columns import Columns
+from sdt_drake.machine.recordings.columns import ANGLE_UNITS, Columns
 from sdt_drake.machine.recordings.recorded import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
+
+_IN = {"deg": "in degrees", "rad": "in radians", "turn": "in turns"}
 
 
 class Meaning(NamedTuple):
@@ -32,10 +34,10 @@ class Meaning(NamedTuple):
 
 
 def other_meanings(robot: Robot, recorded: Recorded) -> list[Meaning]:
-    """Return the likely meanings of positions other than the mapping's, best first.
+    """Return the likely meanings of positions other than the mapping's, degrees first.
 
     Without a motion beyond the limits of the robot, another meaning must explain the torques far
-    better.
+    better. Those that explain them nearly as well as the best one are as likely.
     """
     q = recorded.signals["q"]
     allowed = [x for x in _others(robot, recorded) if not beyond(robot, recorded, x.q).any()]
@@ -44,10 +46,9 @@ def other_meanings(robot: Robot, recorded: Recorded) -> list[Meaning]:
         return allowed if is_beyond else []
     left = [_left(robot, recorded, x.q) for x in allowed]
     least = min(left, default=0.0)
-    now = _left(robot, recorded, q)
-    if now - least > c.FAR_BETTER:
-        return [x for x, own in zip(allowed, left, strict=True) if own < least + c.AS_GOOD]
-    return allowed if is_beyond else []
+    if not is_beyond and _left(robot, recorded, q) - least <= c.FAR_BETTER:
+        return []
+    return [x for own, x in zip(left, allowed, strict=True) if own < least + c.AS_GOOD]
 
 
 def beyond(robot: Robot, recorded: Recorded, q: Array) -> Mask:
@@ -68,18 +69,18 @@ def _others(robot: Robot, recorded: Recorded) -> Iterator[Meaning]:
     columns = recorded.columns or Columns()
     offset = np.array(columns.position_offset or 0.0)
     q = recorded.signals["q"] - offset
-    is_degrees, is_motor = columns.angle == "deg", columns.position_side == "motor"
-    units = {"deg": ("in degrees", np.radians), "rad": ("in radians", np.degrees)}
-    angle = "rad" if is_degrees else "deg"
-    in_unit, convert = units[angle]
-    yield Meaning(in_unit, {"angle": angle}, convert(q) + offset)
+    is_motor, now = columns.position_side == "motor", ANGLE_UNITS[columns.angle]
+    units = {unit: factor / now for unit, factor in ANGLE_UNITS.items() if factor != now}
+    for unit, factor in units.items():
+        yield Meaning(_IN[unit], {"angle": unit}, factor * q + offset)
     if np.all(np.abs(robot.gear_ratio) == 1):
         return
     side, of_side = ("joint", "of the joints") if is_motor else ("motor", "of the motors")
     other = robot.of_motors(q) if is_motor else robot.of_joints(q)
     changes: dict[str, str] = {"position_side": side}
     yield Meaning(of_side, changes, other + offset)
-    yield Meaning(f"{of_side}, {in_unit}", {"angle": angle} | changes, convert(other) + offset)
+    for unit, factor in units.items():
+        yield Meaning(f"{of_side}, {_IN[unit]}", {"angle": unit} | changes, factor * other + offset)
 
 
 def _left(robot: Robot, recorded: Recorded, q: Array) -> float:

@@ -31,7 +31,8 @@ def suspicious_torques(
     predicted = estimate.torque(eq)
     return [
         *driving(eq, estimate),
-        *left_over(eq, cutoff),
+        *faint(robot, eq, estimate),
+        *left_over(eq, cutoff, predicted),
         *worse_held_out(robot, eq, predicted),
         *inconsistent(eq, predicted, consistent),
     ]
@@ -111,6 +112,20 @@ def driving(eq: Equations, estimate: Estimate) -> Iterator[Finding]:
         if drives > max(c.DRIVING, c.DRIVING_SIGMAS * error):
             remedy = "torque_factor or direction"
             yield finding("driving", (k + 1,), remedy, power=drives, error=error)
+
+
+def faint(robot: Robot, eq: Equations, estimate: Estimate) -> Iterator[Finding]:
+    """Yield joints whose friction is far less of the motor's limit than that of all others.
+
+    Joints of one robot have similar gears. A torque in another unit shows by its friction where the
+    links tell nothing.
+    """
+    rubs = estimate.friction_torque(eq, estimate.friction) * eq.moves
+    size = np.sqrt(np.mean(rubs**2, axis=0)) / robot.effort_limit
+    for k in np.flatnonzero(eq.moves.any(axis=0)).tolist():
+        others = float(np.delete(size, k).min(initial=np.inf))
+        if c.RUBS < others < np.inf and size[k] < c.FAINT * others:
+            yield finding("unit/friction", (k + 1,), share=float(size[k]), others=others)
 
 
 def inconsistent(eq: Equations, least: Array, consistent: Array) -> Iterator[Finding]:

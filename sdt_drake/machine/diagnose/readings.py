@@ -66,16 +66,11 @@ def misread(robot: Robot, eq: Equations) -> list[Finding]:
 def _proposals(robot: Robot, eq: Equations) -> list[Proposal]:
     """Return the unit, and the readings that explain the torques better, as `misread` tells."""
     unit, as_they_are = torque_unit(robot, eq), np.ones(robot.n)
-    if unit and not unit.is_exact:
-        better = better_readings(robot, eq, as_they_are, unit)
-        if better:
-            return better
-    found, plain = [], _plain(robot)
-    if unit:
-        left = _Judge(robot, eq, unit.factor, plain.gravity).left(plain)
-        found = [(unit.finding, left)]
-    found += better_readings(robot, eq, unit.factor if unit else as_they_are)
-    return found or _zeros_off(robot, eq)
+    if unit is None:
+        return better_readings(robot, eq, as_they_are) or _zeros_off(robot, eq)
+    better = [] if unit.is_exact else better_readings(robot, eq, as_they_are, unit)
+    left = _Judge(robot, eq, unit.factor).now
+    return better or [(unit.finding, left), *better_readings(robot, eq, unit.factor)]
 
 
 def _tool(
@@ -88,25 +83,23 @@ def _tool(
     a proposal is the least of two, with the file's other links and with the best ones. None if a
     proposal is better, if the body's mass were negative, or if it leaves much of a torque.
     """
-    plain, last = _plain(robot), slice(10 * (robot.n - 1), 10 * robot.n)
-    judge = _Judge(robot, eq, np.ones(robot.n), plain.gravity)
-    now, free, alone = judge.left(plain), np.ones(11 * robot.n), np.full(11 * robot.n, c.FIXED)
+    judge, last = _Judge(robot, eq, np.ones(robot.n)), slice(10 * (robot.n - 1), 10 * robot.n)
+    free, alone = np.ones(11 * robot.n), np.full(11 * robot.n, c.FIXED)
     free[last] = alone[last] = c.LOOSER
-    of_file, of_any = judge.left(plain, alone), judge.left(plain, free)
+    of_any, of_file = (judge.left(judge.plain, looser) for looser in (free, alone))
     mass = round(float(of_file.links[last][0] - judge.file[last][0]), 6)  # 0: not shown
     scores = [_score(*pair) for left in proposed
               for pair in ((left.file, of_file.free), (left.free, of_any.free))]  # fmt: skip
     least = min(scores, key=lambda one: float(one.mean()))
     score, error = float(least.mean()), float(least.std(ddof=1)) / np.sqrt(c.BLOCKS)
-    before, left = _rms(now.file), _rms(of_file.free)
+    before, left = _rms(judge.now.file), _rms(of_file.free)
     is_left = np.any(left[before > c.MIN_RESIDUAL] > c.MIN_RESIDUAL)
     if mass < 0 or score < -c.MAX_BEHIND or is_left:
         return None
     of = f" of about {mass:.2g} kg" * (mass > 0)
     k = int(np.argmax(before / left))
-    words = {"of": of, "link": Bodies.of(robot).names[-1]}
-    shares = {"left": float(left[k]), "before": float(before[k]), "score": score}
-    told = finding("payload", (k + 1,), **words, mass_kg=mass, **shares)
+    link, shares = Bodies.of(robot).names[-1], {"left": float(left[k]), "before": float(before[k])}
+    told = finding("payload", (k + 1,), of=of, link=link, mass_kg=mass, score=score, **shares)
     return score > max(c.MIN_FREE_SCORE, c.SCORE_SIGMAS * error), told
 
 
@@ -131,14 +124,11 @@ def better_readings(
     Returns:
         One proposal, or none if the mapping explains the torques.
     """
-    plain = _plain(robot)
-    gravity, judge = plain.gravity, _Judge(robot, eq, factor, plain.gravity)
-    now = judge.left(plain)
+    judge = _Judge(robot, eq, factor)
+    plain, now = judge.plain, judge.now
     if np.all(_rms(now.file) < c.MIN_RESIDUAL):
         return []
-    rival = None
-    if unnamed is not None:
-        rival = _Judge(robot, eq, unnamed.factor, gravity).left(plain)
+    rival = None if unnamed is None else _Judge(robot, eq, unnamed.factor).now
     found = []
     others = [
         *other_orders(robot, judge.motion, judge.tau, judge.moves, plain),
@@ -165,44 +155,41 @@ def better_readings(
         is_clear = (decides and score > c.MIN_SCORE) or _is_as_good(reading, left, rival)
         if is_clear and score > c.SCORE_SIGMAS * error and of_file.mean() > 0:
             found.append((score, reading, left))
-    if not found:
-        return []
-    found.sort(key=lambda one: -one[0])
-    best, _, after = found[0]
-    readings = [reading for score, reading, _ in found if score > best - c.MAX_BEHIND]
-    return [(_in_words(readings, now, after, best), after)]
+    return _best_of(found, now)
 
 
 def _zeros_off(robot: Robot, eq: Equations) -> list[Proposal]:
     """Return the proposal of a position whose zero is off by some degrees.
 
-    The links of the file decide: they must explain much more of at least two torques, and the best
-    links no less.
+    It must explain much more of at least two torques, and no less with the links of the file or
+    with the best ones. It tells the positions whose zeros explain nearly as much.
     """
-    plain = _plain(robot)
-    judge = _Judge(robot, eq, np.ones(robot.n), plain.gravity)
-    now = judge.left(plain)
+    judge = _Judge(robot, eq, np.ones(robot.n))
+    plain, now = judge.plain, judge.now
     if np.all(_rms(now.file) < c.MIN_ZERO_RESIDUAL):
         return []
-    reading = judge.other_zero(plain)
-    left = judge.left(reading)
-    score, any_links = _score(now.file, left.file), _score(now.free, left.free)
-    error = score.std(ddof=1) / np.sqrt(c.BLOCKS)
-    gains = np.log(_rms(now.file) / _rms(left.file)) > c.MIN_ZERO_GAIN
-    is_clear = score.mean() > max(c.MIN_ZERO_SCORE, c.SCORE_SIGMAS * error) and gains.sum() > 1
-    if (
-        not is_clear
-        or any_links.mean() < 0
-        or np.abs(reading.offset).max() < np.radians(c.MIN_TILT)
-    ):
+    found = []
+    for reading in judge.other_zeros(plain):
+        left = judge.left(reading)
+        scores = _score(now.file, left.file), _score(now.free, left.free)
+        both = np.sum(scores, axis=0)
+        error = both.std(ddof=1) / np.sqrt(c.BLOCKS)
+        gains = np.log(_rms(now.file) * _rms(now.free) / _rms(left.file) / _rms(left.free))
+        is_clear = both.mean() > max(c.MIN_ZERO_SCORE, c.SCORE_SIGMAS * error)
+        is_clear &= min(one.mean() for one in scores) >= 0 and sum(gains > c.MIN_ZERO_GAIN) > 1
+        if is_clear and np.abs(reading.offset).max() >= np.radians(c.MIN_TILT):
+            found.append((float(both.mean()), reading, left))
+    return _best_of(found, now)
+
+
+def _best_of(found: list[tuple[float, Reading, Residuals]], now: Residuals) -> list[Proposal]:
+    """Return the proposal of the readings with the highest scores, and those nearly as good."""
+    if not found:
         return []
-    return [(_in_words([reading], now, left, float(score.mean())), left)]
-
-
-def _plain(robot: Robot) -> Reading:
-    """Return the meaning that the mapping gives to the columns."""
-    order, ones = np.arange(robot.n), np.ones(robot.n)
-    return Reading("", "", order, order, ones, ones, 0 * ones, Bodies.of(robot).gravity)
+    best, _, after = max(found, key=lambda one: one[0])
+    readings = [one for score, one, _ in sorted(found, key=lambda one: -one[0])
+                if score > best - c.MAX_BEHIND]  # fmt: skip
+    return [(_in_words(readings, now, after, best), after)]
 
 
 def _in_words(
@@ -222,8 +209,12 @@ def _in_words(
 
 
 def _is_as_good(reading: Reading, left: Residuals, rival: Residuals | None) -> bool:
-    """Return True for an order of the columns that leaves as little as a unit without a name."""
-    if rival is None or np.array_equal(reading.order, np.arange(len(reading.order))):
+    """Return True for another order, or no gravity, that leaves as little as a unit without a name.
+
+    Neither has a free number.
+    """
+    is_in_order = np.array_equal(reading.order, np.arange(len(reading.order)))
+    if rival is None or (is_in_order and reading.gravity.any()):
         return False
     score = _score(rival.free, left.free) + _score(rival.file, left.file)
     return bool(score.mean() > -c.MAX_BEHIND)
@@ -244,16 +235,20 @@ def _rms(left: Array) -> Array:
 class _Judge:
     """A calculator of the residual torques of each alternative."""
 
-    def __init__(self, robot: Robot, eq: Equations, factor: Array, gravity: Array):
+    def __init__(self, robot: Robot, eq: Equations, factor: Array):
         fit = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
         count = min(len(fit), c.READING_ROWS)
         few = fit[np.unique(np.linspace(0, len(fit) - 1, count).astype(int))]
-        self.robot, self.gravity = robot, gravity
+        self.robot = robot
         self.motion = eq.q[few], eq.v[few], eq.vd[few]
         self.tau, self.moves = eq.tau[few] * factor, eq.moves[few]
         self.file = rigid_parameters(robot)
         self.scale = rigid_scale(robot)
         self.columns = rigid_columns(robot, *self.motion)
+        order, ones = np.arange(robot.n), np.ones(robot.n)
+        # The meaning that the mapping gives to the columns, and what it leaves.
+        self.plain = Reading("", "", order, order, ones, ones, 0 * ones, Bodies.of(robot).gravity)
+        self.now = self.left(self.plain)
 
     def left(self, reading: Reading, looser: float | Array = 1.0) -> Residuals:
         """Return the residuals of a reading, with best links that may be `looser` from the file."""
@@ -321,16 +316,21 @@ class _Judge:
         axis = ", ".join(f"{x + 0.0:.2f}" for x in np.round(reading.gravity / size, 2))
         yield replace(reading, words=f"a base {stands}: gravity along [{axis}] of the file")
 
-    def other_zero(self, plain: Reading) -> Reading:
-        """Return a reading with the offset of the one position that fits the file's links best."""
-        k = int(np.argmax([self._offset(plain, k)[1] for k in range(len(plain.order))]))
-        offset = np.zeros(len(plain.order))
-        for _ in range(c.READING_ROUNDS):
-            offset[k] += self._offset(replace(plain, offset=offset.copy()), k)[0]
-        offset = np.radians(np.round(np.degrees(offset)))
-        words = f"an offset of q_{k + 1} by {round(np.degrees(offset[k]))} degrees"
-        write = f"position_offset: {explained.entries(offset)}"
-        return replace(plain, words=words, write=write, offset=offset)
+    def other_zeros(self, plain: Reading) -> Iterator[Reading]:
+        """Yield readings with the offset of one position that fits the file's links best.
+
+        They are those that fit nearly as well as the best one, to first order.
+        """
+        first = np.array([self._offset(plain, k)[1] for k in range(len(plain.order))])
+        least = max(float(first.max()) - c.MAX_BEHIND, c.MAX_BEHIND)
+        for k in np.flatnonzero(first > least).tolist():
+            offset = np.zeros(len(plain.order))
+            for _ in range(c.READING_ROUNDS):
+                offset[k] += self._offset(replace(plain, offset=offset.copy()), k)[0]
+            offset = np.radians(np.round(np.degrees(offset)))
+            words = f"an offset of q_{k + 1} by {round(np.degrees(offset[k]))} degrees"
+            write = f"position_offset: {explained.entries(offset)}"
+            yield replace(plain, words=words, write=write, offset=offset)
 
     def _offset(self, reading: Reading, k: int) -> tuple[float, float]:
         """Return a further offset of position k [rad], and the score of it, to first order."""
@@ -358,7 +358,7 @@ class _Judge:
             np.array_equal(places, np.arange(len(places)))
             and np.all(reading.turned == 1)
             and not reading.offset.any()
-            and reading.gravity is self.gravity
+            and reading.gravity is self.plain.gravity
         )
         Y = self.columns if is_plain else rigid_columns(self.robot, q, v, vd, reading.gravity)
         tau, counts = reading.sign * self.tau[:, order], self.moves[:, order]

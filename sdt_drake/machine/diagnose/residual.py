@@ -98,27 +98,37 @@ def _delay_of(joints: Sequence[Joint], cutoff: float) -> Delay:
     return delay
 
 
-def left_over(eq: Equations, cutoff: float) -> list[Finding]:
-    """Return the delay of torques, and the residual torque of each joint with likely causes."""
+def left_over(eq: Equations, cutoff: float, predicted: Array) -> list[Finding]:
+    """Return the delay of torques, and the residual torque of each joint with likely causes.
+
+    Args:
+        eq: The equations.
+        cutoff: Cut-off frequency of the compared torques [Hz].
+        predicted: Torque of the best links and friction [N m], shape (M, n).
+    """
     joints = joints_of(eq)
     delay = _delay_of(joints, cutoff)
-    return [*delay.findings, *_unexplained(joints, delay)]
+    return [*delay.findings, *_unexplained(joints, delay, eq.tau - predicted)]
 
 
-def _unexplained(joints: Sequence[Joint], delay: Delay) -> Iterator[Finding]:
+def _unexplained(joints: Sequence[Joint], delay: Delay, shared: Array) -> Iterator[Finding]:
     """Yield the residual torque of each joint and its likely causes.
 
-    A significant common delay is corrected first.
+    A significant common delay is corrected first. Links of one joint alone may explain a force on
+    its position that the links of all joints leave in the residual `shared`.
     """
     common = delay.common if delay.is_significant else 0.0
     for k, one in enumerate(joints):
         if not one.moves:
             continue
         left, _ = one.seen(common)
-        share = float(np.sqrt(left @ left / max(one.spread, 1e-300)))
-        explains = {
-            name: share_explained(left, without(one.basis, C)) for name, C in one.causes().items()
-        }
+        share, explains = one.explained(left, one.basis)
+        rest = without(one.rubs, shared[one.rows, k])
+        if common == 0 and np.linalg.norm(rest) > c.ELSE * np.linalg.norm(left):
+            more, of_rest = one.explained(rest, one.rubs)
+            best = max(of_rest.values())
+            if more > c.SOME_LEFT and of_rest["position"] == best > c.CAUSE_EXPLAINS:
+                share, explains = more, of_rest
         d, e = float(delay.each[k]), float(delay.errors[k])
         if abs(d) > c.AT_BOUND * delay.most:  # no measurement, so no delay
             explains["late"] = 0.0
@@ -151,6 +161,7 @@ class Joint:
             return
         self.rows = np.flatnonzero(counts)
         self.basis = basis(np.column_stack([eq.rigid[:, k], eq.friction[:, k]])[self.rows])
+        self.rubs = basis(eq.friction[self.rows, k])
         tau = eq.tau[self.rows, k]
         self.spread = float(np.sum((tau - tau.mean()) ** 2))
         self.splines: list[tuple[Index, BSpline]] = []
@@ -158,6 +169,17 @@ class Joint:
             at = np.flatnonzero(eq.part == part)
             if len(at) > 5:
                 self.splines.append((at, make_interp_spline(eq.time[at], eq.tau[at, k], k=5)))
+
+    def explained(self, left: Array, known: Array) -> tuple[float, dict[str, float]]:
+        """Return a residual over the torque [-], and the share of its square by each cause.
+
+        Args:
+            left: The residual [N m].
+            known: Orthonormal columns that were removed from it.
+        """
+        size = float(np.sqrt(left @ left / max(self.spread, 1e-300)))
+        causes = self.causes().items()
+        return size, {name: share_explained(left, without(known, C)) for name, C in causes}
 
     def torque(self, shift: float, order: int = 0) -> Array:
         """Return the torque, or a derivative, later by `shift` [s], in the rows with motion."""

@@ -1,5 +1,6 @@
 """Mapping files: the format of a recording's file, and the names of its columns."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, get_args
@@ -14,6 +15,7 @@ Side = Literal["joint", "motor"]
 SIDES: tuple[Side, ...] = get_args(Side)
 DECIMALS = {"point": ".", "comma": ","}
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None, "pipe": "|"}
+ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180, "turn": 2 * math.pi}  # [rad]
 ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
 TORQUES = ("tau", "tau_mean", "tau_ff")
 RECORDED_SIGNALS = (*ANGLES, *TORQUES)
@@ -97,8 +99,8 @@ class Columns(Layout):
     """Columns of the acceleration reference, for `replay`."""
     tau_ff: fields.Names = fields.field(("tau_ff_{k}",))
     """Columns of the torque feedforward, for `replay`."""
-    angle: Literal["rad", "deg"] = "rad"
-    """Unit of positions and speeds: "rad" or "deg"."""
+    angle: Literal["rad", "deg", "turn"] = "rad"
+    """Unit of positions and speeds: "rad", "deg" or "turn" (revolutions)."""
     position_side: Side = "joint"
     """Side of positions, speeds and accelerations: "joint" or "motor". Those of motors are divided
     by the gear ratios."""

@@ -13,6 +13,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.machine.recordings.columns import (
+    ANGLE_UNITS,
     ANGLES,
     RECORDED_SIGNALS,
     SIDES,
@@ -227,7 +228,7 @@ def _conversions(n: int, columns: Columns) -> dict[str, tuple[Array, Array]]:
 
     Offsets are added on the joint side. Signs are those of the robot's file.
     """
-    angle = np.pi / 180 if columns.angle == "deg" else 1.0
+    angle = ANGLE_UNITS[columns.angle]
     direction, offset, torque = (
         np.full(n, default) if values is None else _each(values, name, n)
         for name, values, default in (
