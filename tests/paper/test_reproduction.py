@@ -4,6 +4,7 @@ import base64
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from helpers.command_line import snapshot
 
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
-from sdt_drake.paper import files
+from sdt_drake.paper import files, reproduction
 
 GEAR = np.array([67.2, 1, 1, 1])  # published
 ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])  # published
@@ -181,6 +182,16 @@ def test_reference_torque_groups_add_up(reproduced, reproduction):
     motion = Motion.from_csv(path)
     np.testing.assert_array_equal(motion.q, reproduction.design.reference.tracked.q)
     np.testing.assert_allclose(np.degrees(motion.q[:, 2].min()), -9.9, atol=0.05)
+
+
+def test_stages_of_a_computation_add_up_their_times(monkeypatch):
+    clock = SimpleNamespace(perf_counter=iter([1.0, 3.0, 10.0, 14.5]).__next__)
+    monkeypatch.setattr(reproduction, "time", clock)
+    watch = reproduction.Stopwatch((told := []).append)
+    for _ in range(2):
+        with watch.stage("runs"):
+            pass
+    assert watch.seconds == {"runs": 6.5} and [line.split()[1] for line in told] == ["2.00", "6.50"]
 
 
 # --- files -----------------------------------------------------------------------------------
