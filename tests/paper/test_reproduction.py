@@ -208,6 +208,8 @@ def test_plots_of_the_report_are_the_runs_and_come_before_the_claims(reproduced,
     text = (reproduced / "report.md").read_text(encoding="utf-8")
     read = ("## Summary", 'class="tiles"', "figure8.png", "figure7.png", "## Device", "## Claims")
     assert sorted(read, key=text.index) == list(read)
+    page = (reproduced / "report.html").read_text(encoding="utf-8")
+    assert "I<sub>eff,max</sub>" in page and "I_eff,max" in text
 
 
 def test_reproduce_writes_exactly_its_files(reproduced):
