@@ -132,7 +132,7 @@ def stability_sweep(
             closed = loop(ratio)
             damping[i, k] = least_damping(closed.modes(), ratio * omega_r)
             if damping[i, k] > 0:
-                _, speed = closed.step(_STEP_TIME / (ratio * omega_r), _STEP_SAMPLES)
+                speed = closed.step(_STEP_TIME / (ratio * omega_r), _STEP_SAMPLES)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
         unstable_from[k] = _unstable_from(damping_at, ratios, damping[:, k])
 

@@ -160,8 +160,8 @@ class StateSpace:
         modes: NDArray[np.complex128] = decay + 1j * np.angle(z) / self.period
         return modes
 
-    def step(self, duration: float, samples: int) -> tuple[Array, Array]:
-        """Return time [s], (N + 1,), and outputs, (N + 1, outputs), after a step of the one input.
+    def step(self, duration: float, samples: int) -> Array:
+        """Return outputs, (N + 1, outputs), at even times after a step of the one input.
 
         N is `samples`. For a sampled system it is the number of periods if that is smaller, and may
         be up to twice `samples`.
@@ -176,8 +176,8 @@ class StateSpace:
         while x_u.shape[1] <= count:  # twice as many samples each time
             x_u = np.hstack([x_u, onwards @ x_u])
             onwards = onwards @ onwards
-        y = np.hstack([system.C, system.D]) @ x_u[:, : count + 1]
-        return np.arange(count + 1, dtype=float) * every * system.period, y.T
+        outputs: Array = np.hstack([system.C, system.D]) @ x_u[:, : count + 1]
+        return outputs.T
 
 
 @dataclass(frozen=True, eq=False, repr=False)
