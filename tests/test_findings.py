@@ -135,7 +135,7 @@ def test_device_at_rest_of_the_table_of_flights(robot):
     problem = _problem_of(robot, flight, (15.0, 15.0), None, 0.2, 0.95, model, Weights())
     time = np.arange(0, flight.duration, 0.02)
     felt = percept_of(model, time, *flight.at(time))
-    motion = _still(problem, flight, felt).motion(0.005)
+    motion = _still(problem, flight, felt).motion
     rest = Candidate("rest", robot, motion, flight, 15.0, model).errors(felt)
     (row,) = (row for row in rows_of_table("flight | G error") if row[0] == "turn")
     for cell, error in zip(row[1:4], rest, strict=True):

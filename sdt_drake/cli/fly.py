@@ -9,6 +9,7 @@ from sdt_drake.cli.printing import echo, echo_wrapped, print_table
 
 _Seconds = Annotated[float, number(gt=0)]
 _INTERRUPTED = 130
+_FIXED, _OF_ONE, _OF_FRONT = 7.0, 0.035, 0.06  # computing time, once and for each knot [s]
 
 
 def run(
@@ -34,7 +35,7 @@ def run(
 ) -> int | None:
     """Search for a motion that is felt like a recorded flight, within all limits of the device.
 
-    Ctrl-C ends the search and writes the best motion so far.
+    Ctrl-C or SIGTERM ends the search and writes the best motion so far; at first that is rest.
 
     example: sdt-drake fly sdt turn --out flown
 
@@ -60,7 +61,9 @@ def run(
         online: compare with an online cueing, which does not know the flight to come
     """
     from sdt_drake.cli.plan import driven
+    from sdt_drake.io.signals import holding_signals
     from sdt_drake.machine.cueing.flight import read_flight
+    from sdt_drake.machine.cueing.procedure import fly
     from sdt_drake.machine.cueing.reach import reach
     from sdt_drake.machine.diagnose.flight import check_flight
     from sdt_drake.pilot.observer import load_perception
@@ -72,23 +75,27 @@ def run(
     recorded = read_flight(flight, columns)
     load_perception(model)  # refused before anything is printed
     for line in check_flight(recorded):
-        echo(f"suspicious: {line}")
+        echo(f"{'note' if line.kind == 'reading' else 'suspicious'}: {line}")
     echo(str(reach(device, recorded)))
-    flown = sdt.fly(
+    knots = (approach + recorded.duration + departure) / knot
+    seconds = _FIXED + knots * (_OF_ONE if alone else _OF_FRONT)
+    echo(f"The search takes about {seconds:.0f} s of computing; Ctrl-C ends it with what it has.")
+    flown = fly(
         device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
         torque_margin=torque_margin, g_weight=g_weight, vertical_weight=vertical_weight,
         acceleration_weight=acceleration_weight, perception=model, compare=not alone,
         online=online,
     )  # fmt: skip
-    page = write_flown(out, flown)
-    summary = flown.summary()
-    echo_wrapped(f"{recorded.name}: {flown.answer} (RMS errors of the head's motion).")
-    if flown.online:
-        echo_wrapped(f"{flown.online_answer[0].upper()}{flown.online_answer[1:]}.")
-    echo(summary.title)
-    print_table(summary.header, summary.rows)
-    echo_wrapped(CAUTION)
-    echo(f"{page} written")
+    with holding_signals():
+        page = write_flown(out, flown)
+        summary = flown.summary()
+        echo_wrapped(f"{recorded.name}: {flown.answer} (RMS errors of the head's motion).")
+        if flown.online:
+            echo_wrapped(f"{flown.online_answer[0].upper()}{flown.online_answer[1:]}.")
+        echo(summary.title)
+        print_table(summary.header, summary.rows)
+        echo_wrapped(CAUTION)
+        echo(f"{page} written")
     if flown.numbers["interrupted"]:
         echo("interrupted: this is the best motion found so far")
         return _INTERRUPTED

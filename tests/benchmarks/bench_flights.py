@@ -2,10 +2,10 @@
 
     python tests/benchmarks/bench_flights.py [FLIGHT.csv ... | MOTION ...]
 
-Without files: the shipped turn, others made by transforming it, and flights of JSBSim's F-16 and
-C172, if that is installed (`pip install jsbsim`). At the alignment's G means: rotation and vertical
-on the front, at the G error of the alignment. Shipped training motions, by their names, are found
-again from their own motion of the head.
+Without files: the shipped turn, others made by transforming it, a launch by catapult, and flights
+of JSBSim's F-16 and C172, if that is installed (`pip install jsbsim`). At the alignment's G means:
+rotation and vertical on the front, at the G error of the alignment. Shipped training motions, by
+their names, are found again from their own motion of the head.
 """
 
 import importlib.util
@@ -21,7 +21,7 @@ from sdt_drake.machine.cueing.flight import make_flight, read_flight
 from sdt_drake.machine.cueing.problem import RATE
 from sdt_drake.machine.cueing.procedure import Effort, fly
 from sdt_drake.motion import load_plan, shipped_motions
-from sdt_drake.pilot.head import head_motion
+from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.thresholds import LINEAR
 from sdt_drake.robot.robot import load_robot
 
@@ -38,6 +38,21 @@ def transformed():
     yield make_flight(t, f * [1, -1, 1], w * [-1, 1, -1], "turn to the left")
     yield make_flight(2 * t, f, w / 2, "turn at half its pace")
     yield make_flight(t / 1.5, f, 1.5 * w, "turn at 1.5 times its pace")
+
+
+def catapult():
+    """A launch with 2.6 G forward for 2 s, a climb at 10 deg, and a push-over to level flight."""
+    t = np.arange(0, 50.0, 0.1)
+    f, w = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+    f[:, 0] = GRAVITY * np.interp(
+        t, [12, 12.2, 14.1, 14.3, 17.5, 40, 44, 50], [0, 2.6, 2.6, 0.37, 0.51, 0.36, 0.19, 0.15]
+    )
+    f[:, 2] = GRAVITY * np.interp(
+        t, [14, 14.6, 17, 17.6, 39.6, 40.3, 43.7, 44.3], [1, 1.38, 1.38, 0.99, 0.99, 0.54, 0.53, 1]
+    )
+    turns = [14, 14.6, 17, 17.6, 39.7, 40.3, 43.7, 44.3], [0, -3.3, -3.3, 0, 0, 2, 2, 0]  # deg/s
+    w[:, 1] = np.radians(np.interp(t, *turns))
+    yield make_flight(t, f, w, "launch by catapult")
 
 
 def flown(name, model, knots, bank, pull, seconds=50.0):
@@ -73,6 +88,8 @@ def of_jsbsim():
     """Flights that are made here."""
     pull = [(5, 0), (7, -0.12), (14, -0.12), (16, 0)]
     yield flown("F-16 pull-up", "f16", 350, [(0, 0.0)], pull)
+    pull = [(3, 0), (5, -0.35), (20, -0.35), (22, 0)]
+    yield flown("F-16 pull of 4.3 G", "f16", 450, [(0, 0.0)], pull, 25.0)
     bank = [(3, 0), (8, 45), (16, -45), (24, 45), (32, 0)]
     yield flown("F-16 weave", "f16", 350, bank, [(3, 0), (8, -0.06), (30, -0.06), (34, 0)])
     bank = [(3, 0), (9, 30), (35, 30), (41, 0)]
@@ -84,7 +101,8 @@ def compared(robot, flight):
     own = fly(robot, flight, compare=True).numbers
     four = own, own["rest"], own["alignment"], own["washout"]
     g, turn, up = "g_error_rms", "felt_rotation_rms_deg_s", "felt_vertical_rms_deg"
-    front = np.array([[point[name] or 0 for name in (g, turn, up)] for point in own["front"]])
+    searched = [point for point in own["front"] if np.isfinite(point["g_weight"])]
+    front = np.array([[point[name] or 0 for name in (g, turn, up)] for point in searched])
     at_equal = [np.interp(own["alignment"][g], front[:, 0], front[:, k]) for k in (1, 2)]
     costs = np.array([start["cost"] for start in own["starts"]])
     return [
@@ -121,7 +139,11 @@ def main(*asked):
     motions = [name for name in asked if name in shipped_motions()]
     flights = [read_flight(path) for path in asked if path not in motions]
     if not asked:
-        flights = [*transformed(), *(of_jsbsim() if importlib.util.find_spec("jsbsim") else ())]
+        flights = [
+            *transformed(),
+            *catapult(),
+            *(of_jsbsim() if importlib.util.find_spec("jsbsim") else ()),
+        ]
     tables = [(COLUMNS, flight.name, partial(compared, robot, flight)) for flight in flights]
     if motions:
         header = ("motion", "force / threshold", "rotation", "median", "above 0.1 [% of time]")

@@ -282,7 +282,8 @@ class Inputs:
         sizes |= {"no limits": 0.15}
         options = [option(name, size) for name, size in sizes.items()]
         rows = [{"sense": s, "seat_deg": 90.0, "g_error_rms": 0.1 + k, "cost": 2.0 + k,
-                 "felt_rotation_rms_deg_s": 7.0 - k, "felt_vertical_rms_deg": None}
+                 "felt_rotation_rms_deg_s": 7.0 - k, "felt_vertical_rms_deg": None,
+                 "reason": "the arm turns the other way" * k, "origin": "search"}
                 for k, s in enumerate((1, -1))]  # fmt: skip
         numbers = {
             "starts": rows,

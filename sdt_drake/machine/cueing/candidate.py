@@ -10,7 +10,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.flight import Flight
-from sdt_drake.motion.retiming import torque_of_periods
+from sdt_drake.machine.cueing.problem import torque_and_speed
 from sdt_drake.motion.trajectory import Motion, interpolated
 from sdt_drake.pilot.canals import CUPULA, low_pass
 from sdt_drake.pilot.head import GRAVITY, HeadMotion, head_motion
@@ -75,8 +75,8 @@ class Candidate:
     @cached_property
     def torque(self) -> Array:
         """Torques at the start and end of every period over the motors' limits, shape (2N, n)."""
-        torque = np.vstack(torque_of_periods(self.robot, self.motion))
-        low, high = self.robot.torque_range(np.vstack([self.motion.v[:-1], self.motion.v[1:]]))
+        torque, speed = torque_and_speed(self.robot, self.motion)
+        low, high = self.robot.torque_range(speed)
         limit = np.where(torque > 0, np.maximum(high, 1e-9), np.minimum(low, -1e-9))
         return torque / limit
 

@@ -26,8 +26,8 @@ def noise_of(values: Array) -> Array:
     return np.asarray(np.median(np.abs(np.diff(values, 2, axis=0)), axis=0) / _GAUSSIAN)
 
 
-def without_noise(time: Array, values: Array, least: float) -> tuple[Array, float]:
-    """Return columns without white noise above a level, and the largest noise that was taken out.
+def without_noise(time: Array, values: Array, least: float) -> tuple[Array, Array]:
+    """Return columns without white noise above a level, and the RMS of what was taken out of each.
 
     A smoothing spline leaves as much as generalised cross-validation finds to be motion.
     """
@@ -36,7 +36,7 @@ def without_noise(time: Array, values: Array, least: float) -> tuple[Array, floa
     clean = values.copy()
     for k in noisy:
         clean[:, k] = make_smoothing_spline(time, values[:, k])(time)
-    return clean, float(noise[noisy].max(initial=0))
+    return clean, np.sqrt(((values - clean) ** 2).mean(axis=0))
 
 
 def rates_of(time: Array, attitude: Array) -> Array:

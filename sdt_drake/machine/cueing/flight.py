@@ -306,9 +306,13 @@ def _cleaned(
     least = min(RATE_NOISE, FORCE_NOISE * step * 2**0.5 / arm) if arm else RATE_NOISE
     force, of_force = without_noise(time, force, FORCE_NOISE)
     rates, of_rates = without_noise(time, rates, least)
-    for size, unit in ((of_force, "m/s² in force"), (of_rates, "rad/s in rates")):
-        if size:
-            notes.append(f"white noise of {size:.3g} {unit} is taken out by a smoothing spline")
+    for taken, what, unit in ((of_force, "force", "m/s²"), (of_rates, "rates", "rad/s")):
+        if taken.any():
+            sizes = ", ".join(f"{size:.3g}" for size in taken)
+            notes.append(
+                f"white noise in its {what} is taken out by a smoothing spline: {sizes} {unit} RMS "
+                "of x, y, z"
+            )
     if arm:
         alpha = np.gradient(rates, time, axis=0)
         force = force - np.cross(alpha, lever) - np.cross(rates, np.cross(rates, lever))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from sdt_drake.io.arguments import finite_number
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.felt import felt
+from sdt_drake.motion.plan import INTERPOLATION_PERIOD
+from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.pilot.head import GRAVITY, head_motion
 from sdt_drake.pilot.observer import PerceptionModel
@@ -25,8 +27,8 @@ RATE = np.radians(1.58 * np.array(AXES))
 VERTICAL = math.radians(1.6)
 """Threshold of perception of a tilt [rad]: pitch at 0.2 Hz (Suri & Clark 2020)."""
 
-HORIZONTAL = 2.0
-"""Weight of forces across the pilot's z over those along it [-], with little effect on rotation."""
+FORCE = max(LINEAR)
+"""Threshold of perception of the specific force in any direction [m/s²]: that along z."""
 
 SPEED_SHARE = 0.98
 """Share of the joints' speed limit that a motion uses [-]."""
@@ -123,9 +125,8 @@ class Problem:
     def scale(self) -> Array:
         """Factors from errors of force and percept to those of the cost, shape (N, 12)."""
         W = self.weights
-        force = np.array([HORIZONTAL, HORIZONTAL, 1.0]) / LINEAR
         own = np.concatenate([
-            math.sqrt(W.g) * force, np.full(3, math.sqrt(W.vertical) / VERTICAL),
+            np.full(3, math.sqrt(W.g) / FORCE), np.full(3, math.sqrt(W.vertical) / VERTICAL),
             math.sqrt(W.rotation) / RATE, math.sqrt(W.acceleration) / np.array(LINEAR),
         ])  # fmt: skip
         return np.sqrt(self.knot * np.repeat(self.weight, [3, 9], axis=1)) * own
@@ -194,8 +195,10 @@ class Trajectory:
         """The jerks between knots [rad/s³], shape (N - 1, n)."""
         return np.diff(self.a, axis=0) / self.knot
 
-    def motion(self, period: float) -> Motion:
-        """Return the motion at a period [s] that divides the time between knots."""
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion at the period of planned motions."""
+        period = INTERPOLATION_PERIOD
         steps = round(self.knot / period)
         i, within = np.divmod(np.arange((len(self.q) - 1) * steps + 1), steps)
         i, t = np.minimum(i, len(self.q) - 2), (within * period)[:, None]
@@ -217,3 +220,9 @@ class Trajectory:
         both = zip(self.parts, middles, strict=True)
         q, v, a = (np.insert(x, places, middle, axis=0) for x, middle in both)
         return Trajectory(t, q, v, a)
+
+
+@lru_cache(maxsize=64)  # asked for by the search, and for the figures
+def torque_and_speed(robot: Robot, motion: Motion) -> tuple[Array, Array]:
+    """Return torques [N m] and speeds [rad/s] at the starts, then the ends of periods, (2N, n)."""
+    return np.vstack(torque_of_periods(robot, motion)), np.vstack([motion.v[:-1], motion.v[1:]])

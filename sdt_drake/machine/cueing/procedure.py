@@ -2,6 +2,8 @@
 
 import math
 import time as clock
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +22,7 @@ from sdt_drake.io.arguments import (
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import work
+from sdt_drake.io.signals import holding_signals
 from sdt_drake.machine.cueing.alignment import Start, aligned, angles, standing, washed_out
 from sdt_drake.machine.cueing.candidate import SENSED_PERIOD, Candidate, percept_of
 from sdt_drake.machine.cueing.felt import felt, followed
@@ -30,7 +33,7 @@ from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_a
 from sdt_drake.machine.cueing.program import fitted
 from sdt_drake.machine.cueing.reach import reach
 from sdt_drake.machine.cueing.result import CueingResult
-from sdt_drake.machine.cueing.search import Search, unexcelled
+from sdt_drake.machine.cueing.search import Search, reasons, unexcelled
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD
 from sdt_drake.pilot.head import GRAVITY, check_head
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
@@ -45,6 +48,7 @@ G_WEIGHT = 0.3
 """Weight of the G error where none is given [-]; felt rotation has 1."""
 
 _WEIGHT_BESIDE = 0.05  # weight of errors before and after the flight
+_WASHOUT, _LEFT_OUT = "classical washout", "{} left out: at rest"
 _WASHED_SMOOTH = 0.2  # smoothing time of a washout [s]
 
 
@@ -143,72 +147,130 @@ def fly(
     _check(robot, knot, approach)
     began = clock.process_time()
     ends = (approach, departure)
-    problem = _problem_of(
-        robot, flight, ends, idle_g, knot, torque_margin, model,
-        Weights(g_weight, vertical_weight, 1.0, acceleration_weight),
-    )  # fmt: skip
+    weights = Weights(g_weight, vertical_weight, 1.0, acceleration_weight)
+    result = None
+    try:
+        with holding_signals() as released:  # which arrive while the search keeps what it has
+            problem = _problem_of(robot, flight, ends, idle_g, knot, torque_margin, model, weights)
+            result = _flown(problem, flight, ends, effort, compare, released)
+            result.numbers["cpu_s"] = clock.process_time() - began
+        if online and not result.numbers["interrupted"]:
+            return with_online(result, idle_g)
+    except KeyboardInterrupt:
+        if result is None:
+            raise
+        result.numbers["interrupted"] = True
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What a search found, with the baselines; those that an interrupt left out are at rest."""
+
+    search: Search
+    starts: list[Start]
+    alignments: dict[str, Trajectory]
+    washout: dict[str, Trajectory]
+    own: int  # index in `Search.found`
+    free: Trajectory | None
+
+
+def _flown(
+    problem: Problem, flight: Flight, ends: tuple[float, float], effort: Effort, compare: bool,
+    released: Callable[[], AbstractContextManager[None]],
+) -> CueingResult:  # fmt: skip
+    """Search for a motion, and compare it."""
+    robot, model = problem.robot, problem.model
     every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / SENSED_PERIOD) + 1)
     in_flight = percept_of(model, every, *flight.at(every))
-
-    starts = [(s, seat) for s in ((1, -1) if problem.arm else (1,)) for seat in effort.seats]
     still = _still(problem, flight, in_flight)
 
     def shown(name: str, trajectory: Trajectory) -> Candidate:
-        motion = trajectory.motion(INTERPOLATION_PERIOD)
-        return Candidate(name, robot, motion, flight, approach, model)
+        return Candidate(name, robot, trajectory.motion, flight, ends[0], model)
 
-    with work() as report:
-        search = Search(problem, still, report, len(starts) + 1 + compare * (1 + len(effort.front)))
-        x = aligned(problem, starts)
-        simple = _alignments(problem, x, starts[: len(effort.seats)], ends)
-        alignment = min((shown(*one) for one in simple.items()), key=lambda one: one.felt_rotation)
-        turned = angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends)
-        washed = fitted(problem, turned)
-        search.run([angles(problem, one, SMOOTH[0], *ends)[::2] for one in x])
-        for baseline in (simple[alignment.name], washed):
-            search.offer(baseline)
-        own = search.find(1.0)
-        free = search.without_torque_limits(own) if compare else None
-        for factor in sorted(effort.front if compare else (), key=lambda x: abs(math.log(x))):
-            search.find(factor)
-    found = [shown("this motion", one) for _, one in search.found]
+    def nearest(alignments: dict[str, Trajectory]) -> str:
+        return min(alignments, key=lambda name: shown(name, alignments[name]).felt_rotation)
+
+    made = _searched(problem, still, ends, effort, compare, released, nearest)
+    search = made.search
+    found = [shown(origin, one) for origin, _, one in search.found]
     errors = [one.errors(in_flight) for one in found]
     front = unexcelled(errors)
-    best = next(found[k] for k in front if np.all(np.array(errors[k]) <= errors[own]))
+    best = next(found[k] for k in front if np.all(np.array(errors[k]) <= errors[made.own]))
+    best = replace(best, name="this motion")
+    alignment = shown(name := nearest(made.alignments), made.alignments[name])
     result = CueingResult(
-        best, replace(found[0], name="at rest"), alignment, shown("classical washout", washed),
-        shown("without limits of torque", free) if free else None,
-        tuple((search.found[k][0] * g_weight, found[k]) for k in front), in_flight, {},
+        best, found[0], alignment, shown(*made.washout.popitem()),
+        shown("without limits of torque", made.free) if made.free else None,
+        tuple((search.found[k][1] * problem.weights.g, found[k]) for k in front), in_flight, {},
     )  # fmt: skip
-    numbers = result.numbers
-    numbers |= {
+    gains = {k: getattr(model, k) for k in ("k_w", "k_fw", "k_fg", "k_a")}
+    why = reasons(problem, search.ends)
+    result.numbers.update({
         "flight": flight.name,
         "robot": robot.name,
-        "flight_starts_at": approach,
+        "flight_starts_at": ends[0],
         "flight_duration": flight.duration,
         **best.figures(in_flight),
-        "torque_share_allowed": torque_margin,
+        "torque_share_allowed": problem.torque_share,
         "perception": model.source,
-        "perception_gains": {k: getattr(model, k) for k in ("k_w", "k_fw", "k_fg", "k_a")},
+        "perception_gains": gains,
         "rest": {"posture_deg": np.degrees(still.q[0]), **result.rest.figures(in_flight)},
         "alignment": {"name": alignment.name, **alignment.figures(in_flight)},
         "washout": result.washout.figures(in_flight),
         "without_torque_limits": result.unlimited and result.unlimited.figures(in_flight),
-        "front": [{"g_weight": g, **one.figures(in_flight)} for g, one in result.front],
-        "g_weight": g_weight,
+        "front": [
+            {"g_weight": g, "origin": one.name, **one.figures(in_flight)} for g, one in result.front
+        ],
+        "g_weight": problem.weights.g,
         "weights": asdict(problem.weights),
         "starts": [
-            {"sense": sense, "seat_deg": float(np.degrees(seat)),
-             "cost": search.found[k][1].merit, **found[k].figures(in_flight)}
-            for k, (sense, seat) in enumerate(starts[: search.started], 1)
+            {"sense": sense, "seat_deg": float(np.degrees(seat)), "cost": end.trajectory.merit,
+             "reason": reason, **found[end.found].figures(in_flight)}
+            for (sense, seat), end, reason in zip(made.starts, search.ends, why, strict=False)
         ],
         "reachable_g": reach(robot, flight).g,
         "beyond_reach_s": reach(robot, flight).beyond,
         "objective": objective(best),
         "interrupted": search.interrupted,
-        "cpu_s": clock.process_time() - began,
-    }  # fmt: skip
-    return with_online(result, idle_g) if online and not search.interrupted else result
+    })  # fmt: skip
+    return result
+
+
+def _searched(
+    problem: Problem, still: Trajectory, ends: tuple[float, float], effort: Effort, compare: bool,
+    released: Callable[[], AbstractContextManager[None]],
+    nearest: Callable[[dict[str, Trajectory]], str],
+) -> _Found:  # fmt: skip
+    """Find baselines, and motions by all weights; `nearest` names the best of alignments."""
+    starts = [(s, seat) for s in ((1, -1) if problem.arm else (1,)) for seat in effort.seats]
+    front = sorted(effort.front if compare else (), key=lambda x: abs(math.log(x)))
+    alignments = {_LEFT_OUT.format("alignment"): still}
+    washout = {_LEFT_OUT.format(_WASHOUT): still}
+    with work() as report:
+        search = Search(problem, still, report, len(starts) + 1 + compare + len(front), released)
+
+        def begin() -> None:
+            x = aligned(problem, starts)
+            found = _alignments(problem, x, starts[: len(effort.seats)], ends)
+            turned = angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends)
+            washed = fitted(problem, turned)
+            for baseline, trajectories in (alignments, found), (washout, {_WASHOUT: washed}):
+                baseline.clear()
+                baseline.update(trajectories)
+            search.run([angles(problem, one, SMOOTH[0], *ends)[::2] for one in x])
+
+        search.keep(begin)
+        best = nearest(alignments)
+        for name, baseline in {best: alignments[best], **washout}.items():
+            if baseline is not still:
+                search.offer(name, baseline)
+        for factor in 2 * [1.0, *front]:  # the second time where a better start is known by then
+            if factor == 1 or not search.interrupted:
+                search.find(factor)
+        own = search.find(1.0)
+        free = search.without_torque_limits(own) if compare else None
+    return _Found(search, starts, alignments, washout, own, free)
 
 
 def _alignments(

@@ -3,12 +3,12 @@
 States are q, v and a of the joints and those of the pilot's observer at knots, inputs are the jerks
 between knots, so v and q are exact:
 
-    minimise    sum over knots of  h / 2 (w [W_g |H (f - f_air) / s_f|² + W_v |(g^ - g^_air) / s_v|²
+    minimise    sum over knots of  h / 2 (w [W_g |(f - f_air) / s_g|² + W_v |(g^ - g^_air) / s_v|²
                 + W_r |(w^ - w^_air) / s_w|² + W_a |(a^ - a^_air) / s_f|²] + RHO |jerk|²)
     subject to  |v|, |a|, q and |torque| within limits, rest at both ends
 
 f is the specific force, a hat is felt, _air in flight, s are thresholds of perception. The weight w
-is small before and after the flight. H weighs forces across the pilot's z over those along it.
+is small before and after the flight.
 A barrier, -ln of the distance to a limit, keeps within the limits. It gets lower step by step.
 """
 
@@ -35,10 +35,10 @@ MAX_STEPS = 80
 _BARRIERS = (300.0, 0.3), (30.0, 0.05), (5.0, 0.003), (5.0, 2e-4)
 """Heights of the barrier [1/s], and the distances below which it is a parabola [-], in turn."""
 _NEAR = 0.3  # distance from a limit at which the barrier begins [-]
-_SMALL = 0.1  # largest excess with which the search begins with the last barrier
-_FIT = 1e-4  # weight of the jerk beside that of angles [s⁶]
+_FIT, _FIT_STEPS = 1e-4, 20  # weight of the jerk beside that of angles [s⁶]; steps of a fit
 _MIN_GAIN = 1e-3  # of a step, over the cost; a smaller gain ends the search
 _DAMPING, _MAX_DAMPING = 10.0, 1e9  # weight of changes of angle and speed, first and largest
+_HELD = 100.0  # damping that makes a step, and so its gain, small
 _END = 1e6  # cost of a squared speed or acceleration of the last knot
 _SETTLED, _SETTLINGS = 1e-5, 12  # error of the observer's states, and steps to it
 _STEP, _TORQUE_STEP = 1e-6, 1e-5  # of differences
@@ -51,16 +51,21 @@ Watch = Callable[[Trajectory, float], None]
 def solve(
     problem: Problem, start: Trajectory, watch: Watch, max_steps: int = MAX_STEPS
 ) -> Trajectory:
-    """Find the best trajectory near `start`, by steps that are damped as much as they must be."""
-    best, barriers, damping = _first(problem, start), list(_BARRIERS), _DAMPING
-    if problem.excess(best.s)[0].max() < _SMALL:
-        barriers = barriers[-1:]
+    """Find the best trajectory near `start`, by steps that are damped as much as they must be.
+
+    A small gain ends the search only if the step was hardly damped. With fewer than all steps, the
+    last barrier alone counts.
+    """
+    barriers = list(_BARRIERS if max_steps == MAX_STEPS else _BARRIERS[-1:])
+    best = point = _first(problem, start)
+    damping = _DAMPING
     for step in range(max_steps):
         watch(best.trajectory, step / max_steps)
-        proposed, damping = _step(best, barriers[0], damping)
-        gain = 0.0 if proposed is None else 1 - proposed.cost(barriers[0]) / best.cost(barriers[0])
-        best = proposed or best
-        if gain < _MIN_GAIN * (1 if len(barriers) == 1 else 10):
+        proposed, damping = _step(point, barriers[0], damping)
+        gain = 1 - proposed.cost(barriers[0]) / point.cost(barriers[0]) if proposed else 0.0
+        is_held, point = proposed and damping > _HELD, proposed or point
+        best = min(best, point, key=lambda one: one.cost(_BARRIERS[-1]))
+        if gain < _MIN_GAIN * (1 if len(barriers) == 1 else 10) and not is_held:
             if len(barriers) == 1:
                 break
             del barriers[0]
@@ -72,7 +77,8 @@ def solve(
 def fitted(problem: Problem, q: Array) -> Trajectory:
     """Return the trajectory within the joints' limits that is closest to angles, shape (N, n)."""
     still = Trajectory(problem.knot, np.broadcast_to(q[:1], q.shape), 0 * q, 0 * q)
-    return solve(replace(problem, angles=q, torque_share=math.inf), still, lambda *_: None)
+    near = replace(problem, angles=q, torque_share=math.inf)
+    return solve(near, still, lambda *_: None, _FIT_STEPS)
 
 
 def rated(problem: Problem, trajectory: Trajectory) -> Trajectory:

@@ -27,7 +27,8 @@ class CueingResult(Shown):
     unlimited: Candidate | None
     """The best motion without limits of torque; None with `compare=False`."""
     front: tuple[tuple[float, Candidate], ...]
-    """Motions within the limits that no found one excels, by G error, after the weight of G."""
+    """Motions within the limits that no found one excels, by G error, after the weight of G that
+    they were found by; NaN for a baseline."""
     felt: Percept | None
     """The percept in flight; None if the model has no solution."""
     numbers: dict[str, object]

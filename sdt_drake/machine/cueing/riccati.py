@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dgesv  # quicker than `numpy.linalg.solve`
 
 from sdt_drake.io.arrays import Array
 
@@ -43,8 +44,8 @@ def smallest(cost: Quadratic, damping: Array) -> tuple[Array, Array]:
     for k in range(len(cost.u) - 1, -1, -1):
         M, u = cost.AB[k], cost.u[k]
         Q, q = M.T @ (V @ M), M.T @ w
-        right = np.column_stack([Q[m:, :m], q[m:] + cost.effort * u])
-        feedback[k] = -np.linalg.solve(Q[m:, m:] + effort, right)
+        right = np.concatenate([Q[m:, :m], (q[m:] + cost.effort * u)[:, None]], axis=1)
+        feedback[k] = -dgesv(Q[m:, m:] + effort, right)[2]
         V = H[k] + Q[:m, :m] + Q[:m, m:] @ feedback[k, :, :m]
         w = cost.g[k] + q[:m] + Q[:m, m:] @ feedback[k, :, m]
     S, least = cost.S, 1e-9 * np.trace(V) / m * np.eye(cost.S.shape[1])

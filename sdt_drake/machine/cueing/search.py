@@ -1,27 +1,43 @@
 """A search from several starts and by several weights that keeps all it finds."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.machine.cueing.problem import Problem, Trajectory
-from sdt_drake.machine.cueing.program import MAX_STEPS, fitted, rated, solve
-from sdt_drake.motion.plan import INTERPOLATION_PERIOD
-from sdt_drake.motion.retiming import torque_of_periods
+from sdt_drake.machine.cueing.problem import Problem, Trajectory, torque_and_speed
+from sdt_drake.machine.cueing.program import fitted, rated, solve
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.robot import Robot
 
 Errors = tuple[float, ...]
 """Errors of a motion; smaller ones are better."""
 
+START, SEARCH = "end of a start", "search"
+"""Origins of motions: the search with twice the time between knots, and that by a weight."""
+
 _POLISHES, _POLISH_STEPS = 8, 8
 _ALLOWED = 0.002  # torque between knots that may exceed the limit, over the limit
 _AIMED = 0.003  # distance from the limits to aim at
+_NEAR_COST = 1.03  # over the best cost
+_SAME = 1e-4  # difference of costs of mirror images, over the cost
 _SHRUNK = (0.99, 0.97, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)  # shares of a motion
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """The end of a search from one start."""
+
+    start: int
+    """Number of the start, from 0."""
+    trajectory: Trajectory
+    """The end, with twice the time between knots; its limits hold at knots alone."""
+    found: int
+    """Index of the motion in `Search.found` that keeps the limits, made of this end or its twin."""
 
 
 class Search:
@@ -32,97 +48,156 @@ class Search:
         rest: The device at rest.
         report: Function of the completed share of the work.
         count: Number of searches in the work.
+        released: Maker of a context in which interrupts arrive; they are held off elsewhere.
     """
 
     def __init__(
-        self, problem: Problem, rest: Trajectory, report: Callable[[float], None], count: int
-    ) -> None:
+        self, problem: Problem, rest: Trajectory, report: Callable[[float], None], count: int,
+        released: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:  # fmt: skip
         self._problem, self._rest, self._report, self._count = problem, rest, report, count
+        self._released = released
         self._rough = replace(
             problem, knot=2 * problem.knot,
             **{name: getattr(problem, name)[::2] for name in ("head", "felt", "weight")},
         )  # fmt: skip
-        self._done = self.started = 0
+        self._done = 0
         self._unfinished: list[Trajectory] = []
-        self.found: list[tuple[float, Trajectory]] = [(0.0, rest)]
-        """Factors on the weight of the G error, and motions within the limits. The first is at
-        rest, those of the starts come next."""
+        self._searched: dict[int, float] = {}  # factors by index of `found`
+        self.ends: list[Ended] = []
+        """Ends of the search from the starts, without an interrupted one."""
+        self.found: list[tuple[str, float, Trajectory]] = [("at rest", 0.0, rest)]
+        """Origins, factors on the weight of the G error, and motions within the limits. The first
+        is at rest."""
         self.interrupted = False
 
     def run(self, starts: Sequence[Array]) -> None:
-        """Search from the angles of each start, with twice the time between knots."""
-        with self._keeping():
-            for q in starts:
-                self._unfinished = [fitted(self._rough, q)]
-                self._solve(self._rough, self._unfinished)
-                within = self._polished(self._rough, self._unfinished)
-                self.found.append((1.0, rated(self._problem, within.refined())))
-                self.started += 1
+        """Search from the angles of each start, with twice the time between knots.
 
-    def offer(self, trajectory: Trajectory) -> None:
-        """Add a motion to those found, if it keeps the limits."""
-        if _keeps(self._problem, trajectory):
-            self.found.append((1.0, rated(self._problem, trajectory)))
+        A start of the same cost as one before is its mirror image, and gives the same end. Of ends
+        with the same cost one is made to keep the limits.
+        """
+        begun: list[Trajectory] = []
+
+        def search(q: Array) -> None:
+            begun.append(rated(self._rough, fitted(self._rough, q)))
+            same = (one for one in self.ends if _same(begun[one.start], begun[-1]))
+            twin = next(same, None)
+            self._unfinished = [twin.trajectory if twin else begun[-1]]
+            if twin is None:
+                self._solve(self._rough, self._unfinished)
+            end = self._unfinished[0]
+            twin = next((one for one in self.ends if _same(one.trajectory, end)), None)
+            if twin is None:
+                within = self._polished(self._rough, self._unfinished)
+                self.found.append((START, 1.0, rated(self._problem, within.refined())))
+            index = twin.found if twin else len(self.found) - 1
+            self.ends.append(Ended(len(self.ends), end, index))
+
+        for q in starts:
+            if not self.interrupted:
+                self.keep(partial(search, q))
+
+    def offer(self, name: str, trajectory: Trajectory) -> None:
+        """Add a baseline to the motions found, if it keeps the limits."""
+        one = rated(self._problem, trajectory)
+        if _keeps(self._problem, one):
+            self.found.append((name, math.nan, one))
 
     def find(self, factor: float) -> int:
         """Find a motion with `Weights.times` of a factor, and return its index.
 
-        The search starts from the motion of all known ones that has the smallest cost. After an
-        interrupt that motion alone is changed to keep the limits.
+        The search starts from the motion of all known ones that has the smallest cost; one that was
+        found by this factor is returned. After an interrupt it is only made to keep the limits.
         """
         problem = replace(self._problem, weights=self._problem.weights.times(factor))
-        known = [one for _, one in self.found]
+        known = [one for _, _, one in self.found]
         if self.interrupted and self._unfinished:
             known += [
                 one if one.knot == problem.knot else one.refined() for one in self._unfinished
             ]
-        self._unfinished = [min((rated(problem, one) for one in known), key=lambda x: x.merit)]
-        if not self.interrupted:
-            with self._keeping():
-                self._solve(problem, self._unfinished)
-        self.found.append((factor, self._polished(problem, self._unfinished)))
-        self._unfinished = []
-        return len(self.found) - 1
+        costs = [rated(problem, one).merit for one in known]
+        best = int(np.argmin(costs))
+        if self._searched.get(best) != factor:
+            self._unfinished = [rated(problem, known[best])]
+            if not self.interrupted:
+                self.keep(lambda: self._solve(problem, self._unfinished))
+            best = len(self.found)
+            self._searched[best] = factor
+            self.found.append((SEARCH, factor, self._polished(problem, self._unfinished)))
+            self._unfinished = []
+        return best
 
     def without_torque_limits(self, index: int) -> Trajectory | None:
         """Find a motion near a found one without limits of torque; None if interrupted."""
         problem = replace(self._problem, torque_share=math.inf)
-        found = [rated(problem, self.found[index][1])]
+        found = [rated(problem, self.found[index][-1])]
         if not self.interrupted:
-            with self._keeping():
-                self._solve(problem, found)
+            self.keep(lambda: self._solve(problem, found))
         return None if self.interrupted else found[0]
 
     def _polished(self, problem: Problem, found: list[Trajectory]) -> Trajectory:
         """Return the last trajectory of a list, changed to keep the limits between knots."""
-        with self._keeping():
+
+        def keep_limits() -> None:
+            shifted = problem
             for _ in range(_POLISHES):
-                shift = _shift(problem, found[-1])
+                shift = _shift(shifted, found[-1])
                 if shift is None:
                     break
-                problem = replace(problem, shift=shift)
+                shifted = replace(problem, shift=shift)
                 solve(
-                    problem, found[-1], lambda best, _: found.__setitem__(-1, best), _POLISH_STEPS
+                    shifted, found[-1], lambda best, _: found.__setitem__(-1, best), _POLISH_STEPS
                 )
+
+        self.keep(keep_limits)
         return shrunk(problem, found[-1], self._rest.q[0])
 
-    def _solve(self, problem: Problem, found: list[Trajectory], max_steps: int = MAX_STEPS) -> None:
+    def _solve(self, problem: Problem, found: list[Trajectory]) -> None:
         """Improve the last trajectory of a list in its place."""
 
         def watch(best: Trajectory, done: float) -> None:
             found[-1] = best
-            self._report(min((self._done + done * (max_steps == MAX_STEPS)) / self._count, 1.0))
+            self._report(min((self._done + done) / self._count, 1.0))
 
-        solve(problem, found[-1], watch, max_steps)
-        self._done += max_steps == MAX_STEPS
+        solve(problem, found[-1], watch)
+        self._done += 1
 
-    @contextmanager
-    def _keeping(self) -> Iterator[None]:
-        """Keep the results when an interrupt ends the work in the block."""
+    def keep(self, work: Callable[[], None]) -> None:
+        """Do work that an interrupt may end; what it has found so far is kept."""
         try:
-            yield
+            with self._released():
+                work()
         except KeyboardInterrupt:
             self.interrupted = True
+
+
+def reasons(problem: Problem, ends: Sequence[Ended]) -> list[str]:
+    """Say why each end costs more than the best; "" for up to 3 percent.
+
+    The end is compared with the nearest of those.
+    """
+    most = _NEAR_COST * min((one.trajectory.merit for one in ends), default=0.0)
+    best = [one.trajectory for one in ends if one.trajectory.merit <= most]
+    return [
+        min(_apart(problem, one.trajectory, other) for other in best)[1]
+        if one.trajectory.merit > most else ""
+        for one in ends
+    ]  # fmt: skip
+
+
+def _apart(problem: Problem, one: Trajectory, other: Trajectory) -> tuple[float, str]:
+    """Return how far two trajectories are apart [deg], also in words."""
+    if problem.arm and np.ptp([np.sign(x.q[-1, 0] - x.q[0, 0]) for x in (one, other)]):
+        return 360.0, "the arm turns the other way"
+    turned = np.abs(np.angle(np.exp(1j * (one.q - other.q))))[:, int(problem.arm) :]
+    off = np.degrees(np.sqrt((turned**2).mean(axis=0)))
+    joint = int(problem.arm) + 1 + int(off.argmax())
+    return float(off.max()), f"joint {joint} is turned by {off.max():.0f} deg"
+
+
+def _same(one: Trajectory, other: Trajectory) -> bool:
+    return abs(one.merit - other.merit) < _SAME * one.merit
 
 
 def unexcelled(errors: Sequence[Errors]) -> list[int]:
@@ -145,15 +220,13 @@ def is_within(robot: Robot, motion: Motion, torque_share: float) -> bool:
     beyond = (motion.q > robot.position_upper) | (motion.q < robot.position_lower)
     if np.any(beyond) or np.any(np.abs(motion.v) > robot.top_speed):
         return False
-    torque = np.vstack(torque_of_periods(robot, motion))
-    share = min(torque_share * (1 + _ALLOWED), 1.0)
-    low, high = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), share)
+    torque, speed = torque_and_speed(robot, motion)
+    low, high = robot.torque_range(speed, min(torque_share * (1 + _ALLOWED), 1.0))
     return bool(np.all((torque <= high) & (torque >= low)))
 
 
 def _keeps(problem: Problem, trajectory: Trajectory) -> bool:
-    motion = trajectory.motion(INTERPOLATION_PERIOD)
-    return is_within(problem.robot, motion, problem.torque_share)
+    return is_within(problem.robot, trajectory.motion, problem.torque_share)
 
 
 def shrunk(problem: Problem, trajectory: Trajectory, posture: Array) -> Trajectory:
@@ -161,14 +234,15 @@ def shrunk(problem: Problem, trajectory: Trajectory, posture: Array) -> Trajecto
 
     The share of nothing is the device at rest in a posture [rad], shape (n,).
     """
-    one, shares = trajectory, iter(_SHRUNK)
+    one, shares = rated(problem, trajectory), iter(_SHRUNK)
     while not _keeps(problem, one):
         share = next(shares, 0.0)
         q = posture + share * (trajectory.q - posture)
-        one = Trajectory(trajectory.knot, q, share * trajectory.v, share * trajectory.a)
+        smaller = Trajectory(trajectory.knot, q, share * trajectory.v, share * trajectory.a)
+        one = rated(problem, smaller)
         if share == 0:
             break
-    return rated(problem, one)
+    return one
 
 
 def _shift(problem: Problem, trajectory: Trajectory) -> Array | None:

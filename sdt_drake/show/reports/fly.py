@@ -132,10 +132,10 @@ def _starts(flown: CueingResult) -> Table:
     assert isinstance(rows, list)
     best = min((row["cost"] for row in rows), default=1.0)
     return Table(
-        ["sense of the arm, seat", *_ERRORS, "cost above the best [%]"],
+        ["sense of the arm, seat", *_ERRORS, "cost above the best [%]", "beside the best"],
         [
             (f"{'+' if row['sense'] > 0 else '−'}, {row['seat_deg']:.0f} deg", *_errors(row),
-             f"{100 * (row['cost'] / best - 1):.1f}")
+             f"{100 * (row['cost'] / best - 1):.1f}", row["reason"] or "–")
             for row in rows
         ],
     )  # fmt: skip
@@ -156,8 +156,8 @@ def _errors(row: Any) -> tuple[str, str, str]:
 def _front(flown: CueingResult) -> Table:
     rows = cast(Any, flown.numbers["front"])
     return Table(
-        ["weight of G", *_ERRORS],
-        [("at rest" if row["g_weight"] == 0 else f"{row['g_weight']:.2g}", *_errors(row))
+        ["weight of G", *_ERRORS, "found by"],
+        [(formatted(_number(row["g_weight"]), ".2g"), *_errors(row), row["origin"])
          for row in rows],
     )  # fmt: skip
 
