@@ -208,6 +208,13 @@ def test_a_spring_that_links_of_its_joint_alone_would_explain_is_named(name):
     assert names(found[0], "spring") and found[0].joints == (2,)
 
 
+def test_links_that_were_taken_from_the_file_are_blamed_before_a_spring():
+    robot, recorded = recording("arm3", "", 4)
+    found = identify(robot, [recorded], only="friction", cutoff=CUTOFF).findings
+    causes = [one.evidence for one in found if one.kind == "residual"]
+    assert len(causes) == 3 and all(x["links"] > max(0.95, x["position"]) for x in causes)
+
+
 @needs_data
 def test_torques_of_friction_at_a_real_wrist_tell_their_joints():
     """Where friction is most of the torque: by the speed of which joint it changes its sign."""

@@ -29,10 +29,11 @@ def suspicious_torques(
         cutoff: Cut-off frequency of the compared torques [Hz].
     """
     predicted = estimate.torque(eq)
+    links = rigid_columns(robot, eq.q, eq.v, eq.vd) if np.any(eq.known) else None
     return [
         *driving(eq, estimate),
         *faint(robot, eq, estimate),
-        *left_over(eq, cutoff, predicted),
+        *left_over(eq, cutoff, predicted, links),
         *worse_held_out(robot, eq, predicted),
         *inconsistent(eq, predicted, consistent),
     ]

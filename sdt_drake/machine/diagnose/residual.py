@@ -76,9 +76,9 @@ def delay_of(eq: Equations, cutoff: float) -> Delay:
     return _delay_of(joints_of(eq), cutoff)
 
 
-def joints_of(eq: Equations) -> list[Joint]:
-    """Return the torque of each joint in the rows with motion."""
-    return [Joint(eq, k) for k in range(eq.n)]
+def joints_of(eq: Equations, links: Array | None = None) -> list[Joint]:
+    """Return the torque of each joint in the rows with motion, with `links` as in `left_over`."""
+    return [Joint(eq, k, links) for k in range(eq.n)]
 
 
 def _delay_of(joints: Sequence[Joint], cutoff: float) -> Delay:
@@ -98,15 +98,16 @@ def _delay_of(joints: Sequence[Joint], cutoff: float) -> Delay:
     return delay
 
 
-def left_over(eq: Equations, cutoff: float, predicted: Array) -> list[Finding]:
+def left_over(eq: Equations, cutoff: float, predicted: Array, links: Array | None) -> list[Finding]:
     """Return the delay of torques, and the residual torque of each joint with likely causes.
 
     Args:
         eq: The equations.
         cutoff: Cut-off frequency of the compared torques [Hz].
         predicted: Torque of the best links and friction [N m], shape (M, n).
+        links: Columns of all links if some were taken from the file, shape (M, n, 11 n).
     """
-    joints = joints_of(eq)
+    joints = joints_of(eq, links)
     delay = _delay_of(joints, cutoff)
     return [*delay.findings, *_unexplained(joints, delay, eq.tau - predicted)]
 
@@ -153,8 +154,8 @@ def _unexplained(joints: Sequence[Joint], delay: Delay, shared: Array) -> Iterat
 class Joint:
     """The torque of a joint over the stretches of a recording, without links and friction."""
 
-    def __init__(self, eq: Equations, k: int):
-        self.eq, self.k = eq, k
+    def __init__(self, eq: Equations, k: int, links: Array | None):
+        self.eq, self.k, self.links = eq, k, links
         counts = eq.moves[:, k]
         self.moves = bool(counts.mean() > c.MOVES_SHARE and counts.sum() > c.MIN_MOVING_ROWS)
         if not self.moves:
@@ -230,7 +231,7 @@ class Joint:
             "load": np.column_stack([load * slides, load * v]),
             "coupled": np.hstack([both, np.tanh(both / c.SIGN_WIDTH)]),
             "drift": np.column_stack([time * slides, time * v, time**2 * slides]),
-        }
+        } | ({} if self.links is None else {"links": self.links[rows, k]})
 
 
 def _delay(joints: Sequence[Joint], most: float) -> tuple[float, float, float]:
