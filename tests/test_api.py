@@ -48,11 +48,8 @@ def run(short):
 def test_names_are_what_a_type_checker_takes_them_for():
     tree = ast.parse(Path(sdt.__file__).read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If))
-    imported = {
-        name.asname or name.name: resolve_name(f"{line.module}.{name.name}")
-        for line in block.body
-        for name in line.names
-    }
+    named = [(line.module, name) for line in block.body for name in line.names]
+    imported = {x.asname or x.name: resolve_name(f"{module}.{x.name}") for module, x in named}
     assert {name: getattr(sdt, name) for name in sdt.__all__} == imported
     assert [name for name in dir(sdt) if not name.startswith("__")] == sorted(sdt.__all__)
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
@@ -77,14 +74,8 @@ def test_import_loads_nothing_and_functions_stay_after_that_of_their_modules():
 
 def test_objects_have_short_reprs(robot, short, run):
     compared = Comparison([Compared("pi_ctc", short, run)])
-    shown = [
-        short.scenario,
-        short,
-        short.reference.tracked,
-        sdt.plan("leans", robot),
-        run,
-        compared,
-    ]
+    plan = sdt.plan("leans", robot)
+    shown = [short.scenario, short, short.reference.tracked, plan, run, compared]
     for thing in [*shown, short.linear(), robot, sdt.track(run)]:
         name, line, text, page = type(thing).__name__, repr(thing), str(thing), thing._repr_html_()
         assert line.startswith(f"<{name} ") and len(line) <= 100 and "\n" not in line

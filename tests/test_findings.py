@@ -70,10 +70,8 @@ def test_printed_sign_of_algorithm_1_on_joint_2(reproduction):
         r"joint 2 \((\S+) rad/s\) (\S+) times that of PI alone and (\S+) times that of PI \+ CTC "
         r"with the right one, at constant speed (\S+) times"
     )
-    printed, ours, plain = (
-        reproduction.coupled(*case).tracking
-        for case in (("pi_ctc", "printed"), ("pi_ctc",), ("pi",))
-    )
+    cases = ("pi_ctc", "printed"), ("pi_ctc",), ("pi",)
+    printed, ours, plain = (reproduction.coupled(*case).tracking for case in cases)
     error = printed.max_abs_speed_error[1]
     assert error == pytest.approx(worst, abs=5e-4)
     assert error / plain.max_abs_speed_error[1] == pytest.approx(pi, abs=0.05)

@@ -90,6 +90,7 @@ def test_other_speed_controllers_have_modes_of_pi(designed, design, controller, 
     np.testing.assert_allclose(sweep.overshoot_percent[2], expected, atol=0.5)
 
 
+@pytest.mark.oracle
 def test_stability_sweeps_both_encoders_with_ideal_and_own_drive(designed):
     sampled = Drive(period=0.005)
     found = sdt.stability(designed("axis_pi", {"drive": sampled}), omega_r=OMEGA_R, damping=0.02)

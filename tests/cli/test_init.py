@@ -132,9 +132,7 @@ def test_init_assumes_rotors_and_takes_over_friction_of_a_published_arm(good, de
     """100 N m turn a motor alone with 100 rad/s², so I = 1 kg m²; link 2 has 1.2e-4 kg m²."""
     (desk / "arm.urdf").write_text(LIGHT, encoding="utf-8")
     out = good("init", "--robot", "arm.urdf", "mine").out
-    assert (
-        "note: arm.urdf has no rotor inertia of joint 1 'j1' and joint 2 'j2'; motors.yaml" in out
-    )
+    assert "note: arm.urdf has no rotor inertia of joint 1 'j1' and joint 2 'j2'; motors.y" in out
     assert "note: plant.friction.coulomb in scenario.yaml is the <friction> of arm.urdf" in out
     monkeypatch.chdir(desk / "mine")
     scenario = load_scenario("scenario.yaml")
@@ -144,9 +142,7 @@ def test_init_assumes_rotors_and_takes_over_friction_of_a_published_arm(good, de
     assert scenario.plant.friction.coulomb == (1.5, 0) and not design.nominal.lacks
     np.testing.assert_allclose(design.inertia.maximum[1], 1 + 1.2e-4, rtol=1e-9)
     alone = scenario.changed({"device.motors": ["j1", ""]})
-    with pytest.raises(
-        InputError, match=r"joint 2 a pole at .*; it has no rotor inertia, by <drake"
-    ):
+    with pytest.raises(InputError, match=r"joint 2 a pole at .*; it has no rotor inertia, by <dr"):
         make_design(alone)
     shown = good("view", "arm.urdf", "--out", "r.html").out
     assert "note: no rotor inertia of any joint is known" in shown
@@ -173,10 +169,8 @@ def test_init_of_held_joints_writes_them_fixed_and_keeps_the_rest_of_the_text(go
     held, mine = load_robot(desk / "arm.urdf", hold="grip=0.03"), load_robot(desk / "mine/arm.urdf")
     # A scenario holds the joints of the published file as well, and so does a tip.
     scenario = load_scenario(desk / "mine" / "scenario.yaml", {"robot": str(desk / "arm.urdf")})
-    own = [
-        make_design(scenario.changed(changes)).nominal
-        for changes in ({"hold": ["grip=0.03"]}, {"tip": "lower", "hold": "grip=0.03"})
-    ]
+    ways = {"hold": ["grip=0.03"]}, {"tip": "lower", "hold": "grip=0.03"}
+    own = [make_design(scenario.changed(way)).nominal for way in ways]
     M = [robot.plant.CalcMassMatrix(robot.context_at_zero()) for robot in (held, mine)]
     np.testing.assert_array_equal(*M)
     for robot in own:

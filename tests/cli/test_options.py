@@ -75,9 +75,8 @@ def result(crowded, call, undrawn, monkeypatch):
         module, _, name = place.partition(":")
 
         def reached(*values, name=name, **options):
-            calls.append(
-                (name, *map(plain, values), *sorted((k, plain(options[k])) for k in options))
-            )
+            named = sorted((k, plain(options[k])) for k in options)
+            calls.append((name, *map(plain, values), *named))
             raise ReachedError
 
         monkeypatch.setattr(importlib.import_module(f"sdt_drake.{module}"), name, reached)

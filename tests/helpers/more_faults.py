@@ -7,7 +7,16 @@ import numpy as np
 from oracles.dh import DATA, KUKA_KR300, UR10
 
 from helpers.known_truth import changed
-from helpers.simulated_recordings import Fault, Truth, late, mounted, tip, truth, weight
+from helpers.simulated_recordings import (
+    Fault,
+    Truth,
+    late,
+    mounted,
+    noisy_speeds,
+    tip,
+    truth,
+    weight,
+)
 from sdt_drake.machine.recordings.columns import Columns
 from sdt_drake.machine.recordings.reading import read_recording
 from sdt_drake.machine.recordings.recorded import Recorded
@@ -64,10 +73,7 @@ def _of_one(values: np.ndarray, k: int, factor: float) -> np.ndarray:
 
 def _speeds(factor) -> Fault:
     """Noisy speeds, times a factor of each joint."""
-    return lambda x, rng: changed(
-        x.recorded,
-        v=factor(x) * (x.v + 0.01 * np.abs(x.v).max(axis=0) * rng.normal(size=x.v.shape)),
-    )
+    return lambda x, rng: changed(x.recorded, v=factor(x) * noisy_speeds(x, rng))
 
 
 def _low_pass(values: np.ndarray, time: np.ndarray, seconds: float) -> np.ndarray:

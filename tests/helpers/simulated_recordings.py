@@ -135,11 +135,8 @@ def truth(name: str, seed: int, mounting: str = "", together: bool = False) -> T
     rate = float(rng.choice([100.0, 125.0, 250.0, 500.0]))
     time, q, v, vd = course(robot, rng, 20.0, rate)
     if together:
-        q, v, vd = (
-            q[0] + (q - q[0])[:, :1],
-            np.repeat(v[:, :1], robot.n, 1),
-            np.repeat(vd[:, :1], robot.n, 1),
-        )
+        q = q[0] + (q - q[0])[:, :1]
+        v, vd = (np.repeat(x[:, :1], robot.n, 1) for x in (v, vd))
     rigid = inverse_dynamics(real, q, v, vd)
     size, fast = np.sqrt(np.mean(rigid**2, axis=0)), np.abs(v).max(axis=0)
     size = np.maximum(size, 0.05 * size.max())
@@ -272,28 +269,28 @@ def torque_of_one_late(x: Truth, rng: np.random.Generator) -> Recorded:
     return changed(x.recorded, tau=tau)
 
 
-def _speeds(x: Truth, rng: np.random.Generator) -> np.ndarray:
+def noisy_speeds(x: Truth, rng: np.random.Generator) -> np.ndarray:
     return x.v + 0.01 * np.abs(x.v).max(axis=0) * rng.normal(size=x.v.shape)
 
 
 def speeds_in_degrees(x: Truth, rng: np.random.Generator) -> Recorded:
     """Speeds in degrees per second beside positions in radians."""
-    return changed(x.recorded, v=np.degrees(_speeds(x, rng)))
+    return changed(x.recorded, v=np.degrees(noisy_speeds(x, rng)))
 
 
 def speeds_of_motors(x: Truth, rng: np.random.Generator) -> Recorded:
     """Speeds of the motors beside positions of the joints."""
-    return changed(x.recorded, v=_speeds(x, rng) * x.robot.gear_ratio)
+    return changed(x.recorded, v=noisy_speeds(x, rng) * x.robot.gear_ratio)
 
 
 def speeds_late(x: Truth, rng: np.random.Generator) -> Recorded:
     """Speeds that a filter delays by 40 ms."""
-    return changed(x.recorded, v=late(_speeds(x, rng), x.recorded.time, 0.04))
+    return changed(x.recorded, v=late(noisy_speeds(x, rng), x.recorded.time, 0.04))
 
 
 def clock(x: Truth, rng: np.random.Generator) -> Recorded:
     """A clock that goes twice too fast beside speeds of the true one."""
-    return replace(changed(x.recorded, v=_speeds(x, rng)), time=x.recorded.time / 2)
+    return replace(changed(x.recorded, v=noisy_speeds(x, rng)), time=x.recorded.time / 2)
 
 
 def degrees(x: Truth, rng: np.random.Generator) -> Recorded:

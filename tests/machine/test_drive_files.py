@@ -62,12 +62,8 @@ def test_resampled_points_lie_on_the_trajectory(robot, motion):
     ("unit", "per_turn_and_second"), [("increments/s", 2**20), ("rpm", 60), ("0.001 rpm", 60_000)]
 )
 def test_set_points_round_the_motion_without_drift(robot, motion, unit, per_turn_and_second):
-    drives = drives_with(
-        speed_unit=[unit] * 4,
-        sign=[1, -1, 1, -1],
-        zero=[0, 7, -500, 2**20],
-        gear_ratio=[67.2, 2, 1, 1],
-    )
+    signs, zero, ratio = [1, -1, 1, -1], [0, 7, -500, 2**20], [67.2, 2, 1, 1]
+    drives = drives_with(speed_unit=[unit] * 4, sign=signs, zero=zero, gear_ratio=ratio)
     samples = samples_of(robot, motion, 0.001)
     points = set_points(robot, drives, samples)
     turns = samples.q * [67.2, -2, 1, -1] / (2 * np.pi)
@@ -200,19 +196,14 @@ def test_function_block_rests_until_started(robot, tmp_path):
     gravity."""
     t = np.arange(41)[:, None] * 0.005
     v = np.minimum(t, 0.2 - t) * [0.3, 0.5, 0, -2]
-    design = make_design(
-        Scenario(controller=Pi(omega_r=66.0)),
-        robot=robot,
-        motion=Motion.from_speeds(0.005, np.array([0.1, 0.7, 0.3, 0.2]), v),
-    )
+    motion = Motion.from_speeds(0.005, np.array([0.1, 0.7, 0.3, 0.2]), v)
+    design = make_design(Scenario(controller=Pi(omega_r=66.0)), robot=robot, motion=motion)
     drives = drives_with(zero=[0, 7, -500, 2**20])
     write_files(design, drives, tmp_path, cam_points=50, title="x")
     text = (tmp_path / "set_points.st").read_text(encoding="utf-8")
     rests = text.split("\nELSE\n")[1].split("\nEND_IF")[0]
-    said = {
-        name: [int(x) for x in re.findall(rf"{name}\[\d\] := (-?\d+);", rests)]
-        for name in ("TargetPosition", "VelocityOffset", "TorqueOffset")
-    }
+    names = "TargetPosition", "VelocityOffset", "TorqueOffset"
+    said = {x: [int(y) for y in re.findall(rf"{x}\[\d\] := (-?\d+);", rests)] for x in names}
     first = read_csv(tmp_path / "set_points.csv", drives)
     weight = torque_groups(robot, design.reference.tracked.q[:1], 0 * v[:1], 0 * v[:1]).gravity[0]
     assert said["TargetPosition"] == first.position[0].tolist()
@@ -292,11 +283,8 @@ def test_learned_torque_is_exported_as_flown(tmp_path, robot, motion, kind, has_
     design = design.given(LearnedReference(beside, torque if has_torque else None))
     drives = drives_with(0.005)
     exported = write_files(design, drives, tmp_path, cam_points=50, title="x", effort=True)
-    fed = (
-        np.zeros_like(torque)
-        if design.tuning.feedforward.along is None
-        else design.tuning.feedforward.along
-    )
+    along = design.tuning.feedforward.along
+    fed = np.zeros_like(torque) if along is None else along
     np.testing.assert_array_equal(fed, torque * has_torque if kind == "p_pi" else fed)
     told = read_csv(tmp_path / "set_points.csv", drives).torque
     np.testing.assert_allclose(told, 1000 * fed / RATED, atol=0.51)

@@ -95,9 +95,8 @@ def test_excitation_assumes_missing_limits(arm):
     M = arm.plant.CalcMassMatrix(arm.plant.CreateDefaultContext())
     assert highest == pytest.approx([50, arm.effort_limit[1] / M[1, 1]])
     bare, rotor = replace(arm, rotor_inertia=np.zeros(2)), arm.effort_limit[1] / 100
-    assert Limits.of(bare, 1.0).acceleration[1] == pytest.approx(
-        arm.effort_limit[1] / (M[1, 1] + rotor)
-    )
+    assumed_ = arm.effort_limit[1] / (M[1, 1] + rotor)
+    assert Limits.of(bare, 1.0).acceleration[1] == pytest.approx(assumed_)
     assert "over the least inertia with assumed rotors" in assumed(bare)[0]
     assert f"50, {highest[1]:.3g} rad/s²" in accelerations
     assert not any("accelerations" in line for line in assumed(arm, [8, 4]))

@@ -96,6 +96,7 @@ def test_old_candidate_name_works_and_warns(flown):
         assert flown.options == flown.candidates
 
 
+@pytest.mark.oracle
 def test_random_robot_with_head_flies_within_limits(onset):
     robot = loaded(chain_sdf(3, motors={"effort": np.full(3, 20.0)}, extra=FRAME))
     found = fly(robot, onset, compare=False, torque_margin=1.0, **QUICK)

@@ -81,11 +81,8 @@ def test_rotors_and_friction_of_coupled_motors_are_found():
 
     robot = edited(arm, couple)
     time, q, v, vd = course(arm, np.random.default_rng(3), 40.0, 200.0)
-    rotors, coulomb, viscous = (
-        arm.rotor_inertia * [1, 1, 1.5],
-        [0.08, 0.07, 0.05],
-        [1e-3, 8e-4, 6e-4],
-    )
+    rotors = arm.rotor_inertia * [1, 1, 1.5]
+    coulomb, viscous = [0.08, 0.07, 0.05], [1e-3, 8e-4, 6e-4]
     links = inverse_dynamics(arm, q, v, vd) - arm.reflected_inertia * vd
     speed = v @ coupling.T
     motors = vd @ coupling.T * rotors + coulomb * np.tanh(speed / 0.1) + viscous * speed

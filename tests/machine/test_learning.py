@@ -66,10 +66,9 @@ def test_loop_answers_a_pulse_as_its_linear_model(cascade, label, fields, of):
     """Of joints 1 and 2 at rest, against the simulation, with what they do to the others."""
     fields = {"accuracy": 1e-7, **(fields or {})}
     base = cascade(label, fields, end=0.4)
-    period, count = base.reference.tracked.period, len(base.reference.tracked.q)
-    still = Motion.from_speeds(
-        period, base.reference.tracked.q[0], np.zeros_like(base.reference.tracked.q)
-    )
+    tracked = base.reference.tracked
+    period, count = tracked.period, len(tracked.q)
+    still = Motion.from_speeds(period, tracked.q[0], np.zeros_like(tracked.q))
     design = make_design(base.scenario, robot=base.nominal, motion=still)
     pulse = np.zeros((count, 4))
     pulse[4:34, :2] = (1 - np.cos(np.linspace(0, 2 * np.pi, 30)))[:, None] / [67.2, 1.0]
@@ -128,10 +127,7 @@ def test_errors_shrink_by_the_checked_rate(cascade):
 
 def test_unstable_loop_is_refused(cascade):
     """Its speed is that of a link behind a spring; its response says that errors shrink."""
-    springs = {
-        "plant.elasticity.natural_frequency": [0, 40, 0, 0],
-        "plant.elasticity.encoder": "link",
-    }
+    springs = {"plant.elasticity": {"natural_frequency": [0, 40, 0, 0], "encoder": "link"}}
     with pytest.raises(InputError, match=r"for the model: unstable loop at \d.* s of the motion"):
         loops_of(cascade(fields=springs), "reference")
 
@@ -164,27 +160,20 @@ def test_demand_equals_inverse_dynamics_with_friction_and_disturbance(cascade):
     np.testing.assert_allclose(demand(design)[0], expected[0], rtol=0.02)
     shaken = cascade("inverse_dynamics", {"disturbance.amplitude": 0.1}, end=1.0)
     calm = cascade("inverse_dynamics", end=1.0)
-    load = np.abs(
-        calm.loads.load_torque
-        * calm.device.simulated.gear_ratio
-        / calm.device.simulated.effort_limit
-    )
+    own = calm.device.simulated
+    load = np.abs(calm.loads.load_torque * own.gear_ratio / own.effort_limit)
     assert np.all(demand(shaken) <= demand(calm) + 0.1 * load.max(axis=0) + 1e-9)
     assert np.any(demand(shaken) > demand(calm))
     rough = cascade("inverse_dynamics", name="wrong_model", end=1.0)
     assert np.all((demand(rough) > demand(calm))[[0, 2]])  # which move
     speeds = {"drive.n1": [1.0, 0.1, 0.01, 0.01], "drive.n0": [300.0, 3, 3, 3]}
     falling = cascade("inverse_dynamics", speeds, end=1.0)
-    w = falling.reference.planned.v * falling.device.simulated.gear_ratio
+    own, planned = falling.device.simulated, falling.reference.planned
+    w = planned.v * own.gear_ratio
     n1, n0 = (np.array(x) for x in speeds.values())
     left = np.clip((n0 - np.abs(w)) / (n0 - n1), 0, 1)
-    torque = (
-        falling.torques.total
-        + falling.device.simulated.reflected_inertia * falling.reference.planned.vd
-    )
-    share = (
-        np.abs(torque) / falling.device.simulated.effort_limit / np.where(torque * w > 0, left, 1)
-    )
+    torque = falling.torques.total + own.reflected_inertia * planned.vd
+    share = np.abs(torque) / own.effort_limit / np.where(torque * w > 0, left, 1)
     np.testing.assert_allclose(demand(falling), share.max(axis=0), rtol=1e-9, atol=1e-12)
     assert np.any(demand(falling) > 1.01 * demand(calm))
 
@@ -199,19 +188,12 @@ def test_learning_bandwidth_is_that_of_structure_or_loop(cascade, designed):
         assert bandwidth.why == "the loop's own bandwidth"
         gain = position_response(slow, 0, np.array([0.9, 1.2]) * bandwidth.omega)[:, k, k]
         assert abs(gain[0]) > 0.5 > abs(gain[1])
-    softer = make_design(
-        rigid.scenario,
-        robot=replace(rigid.nominal, frequency_factor=0.5),
-        motion=rigid.reference.planned,
-    )
+    soft = replace(rigid.nominal, frequency_factor=0.5)
+    softer = make_design(rigid.scenario, robot=soft, motion=rigid.reference.planned)
     by_structure = design_filter(softer, loops_of(softer, "reference"), "reference")
     assert [round(b.omega, 3) for b in by_structure.bandwidth] == [round(65.991 / 2, 3)] * 4
-    gains = {
-        "kp": rigid.tuning.gains.kp,
-        "ki": rigid.tuning.gains.ki,
-        "omega_r": None,
-        "zeta": None,
-    }
+    tuned = rigid.tuning.gains
+    gains = {"kp": tuned.kp, "ki": tuned.ki, "omega_r": None, "zeta": None}
     unknown = rigid.scenario.changed({f"controller.{name}": x for name, x in gains.items()})
     perfect = LoopSet("perfect", (np.tile(np.eye(4), (POINTS, 1, 1)),), np.zeros((1, 4)))
     by_samples = design_filter(replace(rigid, scenario=unknown), [perfect], "reference")
@@ -322,9 +304,7 @@ def test_learn_writes_files_that_simulate_and_plan_read(good, refuse, desk, undr
     expected = [np.degrees(best[f"max_abs_position_error_{k}"]) for k in (1, 2, 3, 4)]
     np.testing.assert_allclose(command_line.numbers(shown), expected, atol=6e-4)
     good("plan", "learned/learned.csv")
-    refuse(
-        "learn", "learned/scenario.yaml", "--out", "learned", saying=("is read by this command",)
-    )
+    refuse("learn", "learned/scenario.yaml", "--out", "learned", saying=["is read by this comm"])
     written = {path.name for path in (desk / "learned").iterdir()}
     kept = {name for name in report.ALL_FILES if name.startswith("unfinished/")}
     assert written == {*report.ALL_FILES} - kept

@@ -83,17 +83,13 @@ class Machine:
 def made(designed):
     """A design, its filter, and its first flight."""
     base = designed("wrong_model", end=1.5)
-    v = (
-        base.reference.planned.v * np.clip((1.5 - base.reference.planned.time) / 0.8, 0, 1)[:, None]
-    )  # ends at rest
-    wanted = Motion.from_speeds(base.reference.planned.period, base.reference.planned.q[0], v)
+    planned = base.reference.planned
+    v = planned.v * np.clip((1.5 - planned.time) / 0.8, 0, 1)[:, None]  # ends at rest
+    wanted = Motion.from_speeds(planned.period, planned.q[0], v)
     scenario = with_controller(base.scenario, "p_pi")
     design = make_design(scenario, robot=base.nominal, motion=wanted)
-    return (
-        design,
-        design_filter(design, loops_of(design, "reference"), "reference"),
-        simulate(design),
-    )
+    filter_ = design_filter(design, loops_of(design, "reference"), "reference")
+    return design, filter_, simulate(design)
 
 
 @pytest.fixture
@@ -112,9 +108,8 @@ def machine(made, tmp_path):
 def test_planned_motion_is_found_in_a_recording(machine, lead, step, columns, off):
     flight = machine.flight()
     path = machine.record(flight, lead=lead, step=step, columns=columns)
-    found = match(
-        machine.read(path), machine.design, machine.filter, [machine.design.reference.tracked]
-    )
+    design = machine.design
+    found = match(machine.read(path), design, machine.filter, [design.reference.tracked])
     assert found.shift == pytest.approx(lead, abs=off)
     assert found.reference == (0 if "q_ref" in columns else -1)
     np.testing.assert_allclose(found.q, flight[2], rtol=0, atol=3e-6 + 2 * off)

@@ -17,11 +17,8 @@ from sdt_drake.run.scenario import Drive, Friction, PlantChoice, Scenario, save_
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.reports.replay import replay_findings, tables
 
-CASCADE = {
-    "controller.kind": "p_pi",
-    "controller.setpoint_weight": 0,
-    "controller.feedforward": "id",
-}
+CASCADE = {"kind": "p_pi", "setpoint_weight": 0, "feedforward": "id"}
+CASCADE = {f"controller.{name}": value for name, value in CASCADE.items()}
 SPRINGS = {
     "plant.elasticity.natural_frequency": [60.0, 0.0, 0.0, 0.0],
     "drive": Drive(period=0.0025),

@@ -217,11 +217,8 @@ def elastic_joints(x, tau, state, *, springs):
     spring = (springs.stiffness * wound + springs.damping * (w - v) * np.minimum(taut, 1)) / GEAR
     tau_link = np.where(elastic, spring, tau)
     wd = ((tau - tau_link) / alone.ROTORS / GEAR)[elastic]
-    outputs = {
-        "tau_link": tau_link,
-        "motor_state": np.concatenate([theta, w]),
-        "deflection": theta - q,
-    }
+    outputs = {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}
+    outputs["deflection"] = theta - q
     return outputs, [*w[elastic], *wd, *(0 * x[2 * m :])]  # one of play that nothing moves
 
 

@@ -218,10 +218,5 @@ def test_report_says_as_committed(name, inputs, no_3d, undrawn, tmp_path, file_r
 
 def test_report_of_the_paper_says_as_committed(reproduced, file_regression):
     text = normalised((reproduced / "report.md").read_text(encoding="utf-8"), reproduced)
-    file_regression.check(
-        text,
-        basename="report_of_the_paper",
-        extension=".md",
-        encoding="utf-8",
-        check_fn=check_same_text,
-    )
+    as_committed = {"extension": ".md", "encoding": "utf-8", "check_fn": check_same_text}
+    file_regression.check(text, basename="report_of_the_paper", **as_committed)

@@ -34,9 +34,7 @@ def test_reference_has_meaning_of_every_field_and_unit_of_every_number(schema):
     rows = [entry for part in parts(schema) for entry in part.entries]
     assert [row.name for row in rows if len(row.meaning) < 4] == []
     assert [row.name for row in rows if "number" in row.takes and not row.unit] == []
-    of_a_side = [
-        row for row in rows if re.match(r"(N m( s)?(/rad)?|kg m²|deg\S*|rad)(,|$)", row.unit)
-    ]
+    of_a_side = [x for x in rows if re.match(r"(N m( s)?(/rad)?|kg m²|deg\S*|rad)(,|$)", x.unit)]
     assert [row.name for row in of_a_side if not row.unit.endswith("side")] == []
 
 
@@ -44,9 +42,7 @@ def test_committed_reference_equals_the_command():
     page = (MODELS / "README.md").read_text(encoding="utf-8")
     assert with_reference(page, "models/README.md") == page
     for topic in FILES:
-        assert (MODELS / SCHEMAS / f"{topic}.json").read_text(encoding="utf-8") == schema_text(
-            topic
-        )
+        assert (MODELS / SCHEMAS / f"{topic}.json").read_text("utf-8") == schema_text(topic)
     # The tags that editors have to be told.
     schemas = "".join(TOPICS[topic]().markdown() for topic in FILES)
     tags = set(re.findall(r"`(!\w+)`", schemas))

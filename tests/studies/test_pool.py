@@ -72,11 +72,9 @@ def test_row_reports_a_process_that_does_not_start(pool):
 def test_worker_ends_with_its_parent(tmp_path, temporary, act):
     """In the middle of a row or without one, and leaves no files."""
     os.mkfifo(tmp_path / "hangs")  # which the row opens before it hangs
-    main = subprocess.Popen(
-        [sys.executable, odd_job.__file__, tmp_path, act],
-        stdout=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(temporary)},
-    )
+    command = [sys.executable, odd_job.__file__, tmp_path, act]
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    main = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment)
     with main:
         process = int(main.stdout.readline())
         if act == "hang":
