@@ -73,7 +73,7 @@ class CueingResult(Shown):
         cost, every = online["program"], range(len(own))
         usual, most = (100 * cost[f"computing_share_{x}"] for x in ("median", "max"))
         return (
-            f"online, without knowing what comes, the program has {_joined(program, own, every)};"
+            f"without knowing what comes, the online program has {_joined(program, own, every)};"
             f" a plan takes {usual:.0f} % of the {1000 * cost['period_s']:.0f} ms between plans,"
             f" {most:.0f} % at most, and {cost['kept_plans']} plans were not taken"
         )

@@ -68,7 +68,7 @@ def rotation_panels(candidate: Candidate) -> list[Panel]:
 def front(flown: CueingResult) -> Figure:
     """Draw felt rotation and felt vertical over G error: the front, chosen motion and baselines."""
     labels = ("felt rotation error, RMS [deg/s]", "felt vertical, RMS [deg]")
-    looks = (DEVICE, *map(Look, PALETTE[2:6]))
+    looks = (DEVICE, *map(Look, PALETTE[2:]))
     with style():
         figure, axes = grid(1, 2, panel=(4.6, 3.6), left=0.85)
         for k, (ax, label) in enumerate(zip(axes[0], labels, strict=True), 1):
