@@ -13,7 +13,11 @@ from hypothesis import strategies as st
 from oracles.by_hand import GEAR, ROTORS
 from oracles.python_control import crossings_of, pi_loop, process
 
-from sdt_drake.analysis.frequency_response import frequency_response, unwrapped_degrees
+from sdt_drake.analysis.frequency_response import (
+    _critical_gains,
+    frequency_response,
+    unwrapped_degrees,
+)
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
@@ -139,6 +143,11 @@ def test_gain_margins_bring_a_mode_to_its_stability_limit(
 
 
 # --- phases ----------------------------------------------------------------------------------
+
+
+def test_a_gain_that_is_real_at_the_first_frequency_counts_as_that_of_frequency_0():
+    gain = -2 * np.exp(1j * np.array([1e-9, 0.5]))
+    assert _critical_gains(np.array([1.0, 2.0]), gain) == pytest.approx([0.5])
 
 
 @settings(max_examples=10, phases=[Phase.generate])

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.motions import falling
-from helpers.robots import WRIST, chain_sdf, loaded
+from helpers.robots import RATE_TABLE, WRIST, chain_sdf, loaded
 
 import sdt_drake as sdt
 from sdt_drake.analysis.stop_setting import make_setting
@@ -17,6 +17,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.pilot.head import GRAVITY, head_motion_of_samples
 from sdt_drake.robot.brakes import Brakes
+from sdt_drake.robot.device import Friction, friction_parameters
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.robot.motors import DeviceChoice, load_catalogue
 from sdt_drake.show.figures.stops import course_panels
@@ -182,6 +183,20 @@ def test_a_failed_motor_has_no_ramp_and_lengthens_none(ramp):
     np.testing.assert_allclose(schedule.ramp, expected)
     np.testing.assert_allclose(schedule.closed, [0.5, 0, 0.2, 0.2])
     np.testing.assert_allclose(schedule.released, [0.5, 0, 0.2, 0.2])
+
+
+def test_friction_stops_as_in_fine_steps():
+    table, none = loaded(RATE_TABLE, ".urdf"), np.zeros(3)
+    friction = friction_parameters(Friction(coulomb=[3.0] * 3), 3)
+    angles = []
+    for accuracy in ({}, {"accuracy": 1e-7}):
+        stopping = Stopping(motors=["AC-203"] * 3)
+        setting = make_setting(table, stopping, DeviceChoice(), friction, **accuracy)
+        setting = dataclasses.replace(setting, brakes=Brakes.of([None] * 3, table.gear_ratio))
+        course, _ = setting.course(setting.plant(), none, np.array([0.2, 0.1, 0]))
+        assert np.isfinite(course.stopping_time).all()
+        angles.append(course.angle)
+    np.testing.assert_allclose(*angles, rtol=1e-4, atol=1e-7)
 
 
 def test_a_joint_tells_the_speed_at_which_it_reaches_its_stop():
