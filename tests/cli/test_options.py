@@ -45,6 +45,7 @@ LINES = {
     **POSITIONAL,
     "docs": "simulate", "simulate": f"{RUN} --out x.svg", "view": f"{RUN} --out a.html",
     "export": "moved.csv --drive drives", "tune": f"{SHORT_MOTION} --out t.json",
+    "study run": f"monte_carlo --set motion={SHORT_MOTION}",
     "learn": "../given/cascade.yaml", "learn update": "s all.csv --scenario ../given/cascade.yaml",
 }  # fmt: skip
 OTHER_LINES = {"simulate": RUN, "step": AXIS, "tune": AXIS, "stability": RUN}
