@@ -48,12 +48,8 @@ def test_frequency_responses_equal_python_control(
     viscous, error = share * kp, 0.2 * (share - 0.7)
     gains = {"kp": kp.tolist(), "ki": ki.tolist(), "omega_r": None, "zeta": None}
     elasticity = springs and Elasticity([springs[0]] * 4, springs[1], encoder)
-    drive = Drive(
-        period=period,
-        torque_bandwidth=lag,
-        torque_error=error.tolist(),
-        encoder_resolution=[1e9] * 4 if by_differences else None,
-    )
+    encoders = {"encoder_resolution": [1e9] * 4} if by_differences else {}
+    drive = Drive(period=period, torque_bandwidth=lag, torque_error=error.tolist(), **encoders)
     fields = kind("pi", setpoint_weight=weight, **gains) | {
         "plant.i_eff": inertia.tolist(),
         "plant.friction": Friction(viscous=(viscous * GEAR**2).tolist()),
@@ -110,9 +106,8 @@ def fastest_growth(loop, k, factor):
     """Of all modes of a loop, the gain of joint k changed: the largest |z| - 1, or real part."""
     opened, n = loop.opened, loop.n
     back = opened.C[:n] if loop.at_positions else opened.C[4 * n :]
-    modes = np.linalg.eigvals(
-        opened.A + opened.B[:, :n] * np.where(np.arange(n) == k, factor, 1) @ back
-    )
+    gain = np.where(np.arange(n) == k, factor, 1)
+    modes = np.linalg.eigvals(opened.A + opened.B[:, :n] * gain @ back)
     return np.abs(modes).max() - 1 if opened.period else modes.real.max()
 
 

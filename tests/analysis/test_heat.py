@@ -79,10 +79,8 @@ def test_flights_back_to_back_end_where_on_and_off_has_its_steady_state(T, share
     on, off = 12.0, 28.0
     load = np.append(np.full(24, 15.0), np.zeros(56))
     heat = heat_of(recorded(load), one(T, share, coolant=20.0, initial=20.0))
-    parts = [
-        s * 1.5**2 * (1 - np.exp(-on / t)) / (1 - np.exp(-(on + off) / t))
-        for t, s in zip(T, share, strict=True)
-    ]
+    t, s = np.array([T, share])
+    parts = s * 1.5**2 * (1 - np.exp(-on / t)) / (1 - np.exp(-(on + off) / t))
     assert heat.endless[0] == pytest.approx(20 + 105 * sum(parts), rel=1e-9)
 
 

@@ -60,11 +60,8 @@ def linearised_feedback(design, sample, zeta, T, moving):
     motion = design.reference.tracked
     M, K, D = matrices(design.device.simulated, motion.q[sample], moving * motion.v[sample])
     omega_n, one, zero = OMEGA_R / 2, np.eye(4), np.zeros((4, 4))
-    A, B = held(
-        np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]]),
-        np.vstack([zero, np.linalg.inv(M)]),
-        T,
-    )
+    A = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    A, B = held(A, np.vstack([zero, np.linalg.inv(M)]), T)
     kp, kd = M * omega_n**2, M @ np.diag(2 * np.array(zeta) * omega_n)
     return A + B @ np.hstack([K - kp, D - kd]), B @ kp, B @ kd
 

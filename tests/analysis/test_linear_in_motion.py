@@ -137,7 +137,7 @@ def test_poles_and_zeros_of_a_sampled_loop_are_those_of_z(designed):
     np.testing.assert_allclose(response.poles[4], alike.poles[4], rtol=0.02)
 
 
-def test_a_page_of_bode_has_the_poles_and_the_figure(tmp_path, capsys):
+def test_a_page_of_bode_has_the_poles_and_the_figure(tmp_path, capsys, undrawn):
     page = tmp_path / "loops.html"
     assert main(["bode", "coupled_pi", "--time", "8.5", "--out", str(page)]) == 0
     assert "at angles and speeds of the motion at 8.500 s" in capsys.readouterr().out

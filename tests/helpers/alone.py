@@ -37,11 +37,8 @@ WINDINGS = Windings(
     coolant=25.0,
     initial=40.0,
 )
-SPRINGS = Springs(
-    elastic=np.array([True, False, True]),
-    stiffness=np.array([9e5, 0.0, 4e3]),
-    damping=np.array([700.0, 0.0, 5.0]),
-)
+STIFFNESS, DAMPING = np.array([[9e5, 0.0, 4e3], [700.0, 0.0, 5.0]])
+SPRINGS = Springs(elastic=STIFFNESS > 0, stiffness=STIFFNESS, damping=DAMPING)
 ROTORS = np.array([0.13, 1.7, 0.5])  # kg m²
 I_EFF = np.array([2.0, 5.0, 9.0])  # kg m²
 OMEGA_N, ZETA = np.array([9.0, 10.0, 11.0, 12.0]), np.array([1.0, 0.9, 0.8, 0.7])

@@ -34,12 +34,8 @@ WRITERS = {
 
 # 0.5 s of the four joints: joint 2 up to 0.5 rad/s and on, the others at rest.
 REST = "  - !Knots {knots: [[0, 0], [0.5, 0]]}\n"
-SHORT = (
-    "name: short\nduration: 0.5\njoints:\n"
-    + REST
-    + "  - !Knots {knots: [[0, 0], [0.25, 0.5], [0.5, 0.5]]}\n"
-    + 2 * REST
-)
+TURN = "  - !Knots {knots: [[0, 0], [0.25, 0.5], [0.5, 0.5]]}\n"
+SHORT = "name: short\nduration: 0.5\njoints:\n" + REST + TURN + 2 * REST
 # 1.25 s: the same, at constant speed for so long that its error counts.
 MOTION = SHORT.replace("0.5], [0.5,", "0.5], [1.25,").replace("[0.5, 0]]", "[1.25, 0]]")
 MOTION = MOTION.replace("duration: 0.5", "duration: 1.25")

@@ -25,7 +25,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def excitation(arm):
-    return excite(Target.everything(arm), 20.0)
+    return excite(Target.everything(arm), 20.0, thorough=False)
 
 
 def planned(excitation) -> Motion:

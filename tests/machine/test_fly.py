@@ -273,10 +273,8 @@ def test_no_motion_that_was_found_excels_the_chosen_one_or_one_on_the_front(flow
     """Nor does rest or the alignment, and the front leads from the smallest G error to rest."""
     starts, front = flown.numbers["starts"], flown.numbers["front"]
     names = "g_error_rms", "felt_rotation_rms_deg_s", "felt_vertical_rms_deg"
-    own, rest, *others = (
-        np.array([one[name] for name in names])
-        for one in (flown.numbers, flown.numbers["rest"], *starts, *front)
-    )
+    found = flown.numbers, flown.numbers["rest"], *starts, *front
+    own, rest, *others = (np.array([one[name] for name in names]) for one in found)
     for one in (rest, *others):
         assert not (np.all(one <= own) and np.any(one < own))
     for point in front:

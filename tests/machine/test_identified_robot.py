@@ -139,10 +139,8 @@ def test_friction_of_another_recording_lies_within_its_interval(robot, true):
     days = [rubbed(recorded_of(true, seed=i), share) for i, share in enumerate((-0.2, 0.2))]
     alone, both = (identify(robot, days[:n], cutoff=5).plant_friction for n in (1, 2))
     wanted = np.array([COULOMB_TRUE, VISCOUS_TRUE])
-    off = [
-        np.abs([files.friction.coulomb, files.friction.viscous] - wanted) / files.std
-        for files in (alone, both)
-    ]
+    both_ = ((x, [x.friction.coulomb, x.friction.viscous]) for x in (alone, both))
+    off = [np.abs(values - wanted) / files.std for files, values in both_]
     assert np.mean(off[0] < 1.96) < 0.5 and np.all(off[1] < 1.96)
     assert np.all(alone.between == 0)
     assert np.all((both.between > 0.15) & (both.between < 0.8))

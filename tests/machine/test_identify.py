@@ -50,12 +50,9 @@ def test_identified_robot_has_the_true_torques(found, robot, true, tmp_path):
     assert np.all(found.left(found.predicted, held_out=True) < 0.02)
     assert np.all(found.left(found.equations.nominal, held_out=True) > 0.05)
     files = found.plant_friction
-    for values, std, wanted in zip(
-        (files.friction.coulomb, files.friction.viscous),
-        files.std,
-        (COULOMB_TRUE, VISCOUS_TRUE),
-        strict=True,
-    ):
+    values = files.friction.coulomb, files.friction.viscous
+    rows = zip(values, files.std, (COULOMB_TRUE, VISCOUS_TRUE), strict=True)
+    for values, std, wanted in rows:
         assert np.all(np.abs(values - wanted) < 0.03 * wanted + 4 * std)
         assert np.all(std < 0.15 * wanted)
     # The file loads without any repair, with its shapes, and moves like the true device.

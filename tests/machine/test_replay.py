@@ -151,10 +151,8 @@ def test_controller_alone_equals_its_law_on_recorded_motion(designed):
     recorded.signals["tau"] = recorded.signals["tau"] + 150.0 * ratio
     result = replayed(made, recorded)
     assert result.courses[ALONE]["torque"][1:, 1:] == pytest.approx(found[:, 1:] + 150.0)
-    assert (
-        np.abs(result.courses[ALONE]["torque"][:, 0]).max()
-        <= made.device.simulated.motor_torque_limit[0]
-    )
+    torque = result.courses[ALONE]["torque"][:, 0]
+    assert np.abs(torque).max() <= made.device.simulated.motor_torque_limit[0]
 
 
 def test_saturated_motor_does_not_change_the_law(designed, tmp_path):
@@ -174,10 +172,8 @@ def test_load_is_smoothed_without_phase_shift():
 
 def test_recording_that_cannot_be_replayed_is_refused(design):
     time, rest = np.array([0.0, 0.005, 0.01]), np.zeros((3, 4))
-    for signals, said in (
-        ({"q": rest, "tau": rest}, "neither q_ref nor v_ref"),
-        ({"v_ref": rest}, "none of q, v and tau"),
-    ):
+    bare = {"q": rest, "tau": rest}
+    for signals, said in ((bare, "neither q_ref"), ({"v_ref": rest}, "none of q, v and tau")):
         with pytest.raises(InputError, match=f"a.csv: {said}"):
             replay(Recorded("a.csv", time, signals), design.scenario)
 
@@ -253,10 +249,8 @@ def test_the_kuka_under_the_gains_of_its_data_set(good, desk, undrawn):
         controller=Pi(setpoint_weight=1, **gains),
     )
     save_scenario(scenario, desk / "kuka.yaml")
-    (desk / "columns.yaml").write_text(
-        "q: ['q_motor_{k}']\ntau: ['motor_torque_{k}']\ntau_ff: ['motor_feedforward_{k}']\n"
-        "side: motor\n"
-    )
+    columns = "q: ['q_motor_{k}']\ntau: ['motor_torque_{k}']\ntau_ff: ['motor_feedforward_{k}']"
+    (desk / "columns.yaml").write_text(f"{columns}\nside: motor\n")
     lines = (dh.DATA / "kuka_kr300/recording_B.csv").read_text().splitlines()[:801]
     (desk / "b.csv").write_text("\n".join(lines))
     said = good("replay", "b.csv", "kuka.yaml", "--columns", "columns.yaml", "--out", "out").out

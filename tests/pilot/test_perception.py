@@ -232,10 +232,9 @@ def test_no_parameter_set_passes_aircraft_and_gondola(rows):
     assert "gondola turns: none" in said and "aircraft turns: none" in said
     assert "yaw decay: allred, familiar_turn, irmak2023, rader2009 and slow_yaw" in said
     both = [judged("yaw decay"), judged("gondola turns"), judged("unknown", spread=np.nan)]
-    assert verdict_of_all(both) == (
-        "Of 2 reports, a passes most, 2. a pass all groups of reported motions (yaw decay: a; "
-        "gondola turns: a)."
-    )
+    said, groups = verdict_of_all(both).split(" (")
+    assert said == "Of 2 reports, a passes most, 2. a pass all groups of reported motions"
+    assert groups == "yaw decay: a; gondola turns: a)."
 
 
 def test_bank_of_a_familiar_turn_follows_its_equation_by_hand():
@@ -280,10 +279,8 @@ def test_no_gains_of_the_structure_pass_aircraft_and_gondola():
     def rolls(k_w, k_fg, k_fw, k_a):
         gains = {"k_w": k_w, "k_fg": k_fg, "k_fw": k_fw, "k_a": k_a}
         model = PerceptionModel(source="tried", **{k: (v,) * 3 for k, v in gains.items()})
-        return [
-            -np.degrees(perceive(head.time, head.force, head.rate, model).roll[-1])
-            for head, *_ in turns
-        ]
+        felt = (perceive(head.time, head.force, head.rate, model) for head, *_ in turns)
+        return [-np.degrees(one.roll[-1]) for one in felt]
 
     tried = product((2.28, 8), (0.1, 0.2, 0.4, 0.8, 1.6), (0, 0.02, 0.2, 1), (-2, -4))
     felt = {gains: rolls(*gains) for gains in tried}

@@ -207,11 +207,8 @@ def test_options_listed_as_in_0_4_work_and_warn():
 
     with pytest.warns(DeprecationWarning, match="derives from ChosenFeedforward, AntiWindup"):
         register_controller("old", Old)
-    fields = {
-        "controller.kind": "old",
-        "controller.feedforward": "id",
-        "controller.anti_windup": 1 > 0,
-    }
+    fields = {"kind": "old", "feedforward": "id", "anti_windup": True}
+    fields = {f"controller.{name}": value for name, value in fields.items()}
     assert load_scenario("coupled_pi", fields).controller.label == "old+id"
 
 

@@ -33,10 +33,8 @@ def test_linear_feedback_contains_the_filters(designed, period):
     drive = {"drive.period": period}
     plain, filtered = (designed("axis_pi", x | drive, end=0.1) for x in ({}, ALL))
     omega = np.geomspace(1, 300, 20)
-    H, G = (
-        linear_feedback(x, 0, operating_point(x, 0, at_rest=True)).response(omega)
-        for x in (filtered, plain)
-    )
+    points = ((x, 0, operating_point(x, 0, at_rest=True)) for x in (filtered, plain))
+    H, G = (linear_feedback(*point).response(omega) for point in points)
     w, a, b, c = 2 * np.pi * np.array([9.0, 60.0, 80.0, 40.0])
 
     def s(exact):

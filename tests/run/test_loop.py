@@ -30,10 +30,8 @@ AXES = {
 @pytest.fixture(scope="module")
 def axes(designed):
     """Designs by case, and their speeds, all integrated at once."""
-    designs = {
-        case: weaker(designed(*AXES[case], end=10.5), WEAK if "weak" in case else 1.0)
-        for case in AXES
-    }
+    designs = {case: designed(*fields, end=10.5) for case, fields in AXES.items()}
+    designs = {k: weaker(x, WEAK if "weak" in k else 1.0) for k, x in designs.items()}
     speeds = axes_by_hand(list(designs.values()), steps=6)
     return {case: (designs[case], speeds[:, k]) for k, case in enumerate(designs)}
 

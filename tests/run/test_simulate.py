@@ -142,10 +142,8 @@ def design_of(kind, robot, motion):
 )
 def test_recording_columns_of_any_robot_agree(data, robot, kind, period):
     motion = data.draw(motions(robot.n, period=period, samples=40))
-    need = (
-        np.abs(design_of("pi_id", robot, motion).tuning.feedforward.along).max(axis=0)
-        * robot.gear_ratio
-    )
+    along = design_of("pi_id", robot, motion).tuning.feedforward.along
+    need = np.abs(along).max(axis=0) * robot.gear_ratio
     weak = replace(robot, effort_limit=0.7 * need + 1e-3)
     design = design_of(kind, weak, motion)
     run, limit = simulate(design), weak.motor_torque_limit

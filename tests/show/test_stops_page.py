@@ -23,7 +23,7 @@ def few() -> Stops:
     return sdt.stops(design, Stopping(category=1, deceleration=[0.2, 1, 1, 1], motors=MOTORS))
 
 
-def test_every_page_of_stops_says_that_it_is_no_statement_on_safety(few, tmp_path):
+def test_every_page_of_stops_says_that_it_is_no_statement_on_safety(few, tmp_path, undrawn):
     page = write_stops(few, "an arm", 0.005, tmp_path / "out")
     for name in ("report.html", "report.md", "3d.html"):
         text = (page.parent / name).read_text(encoding="utf-8").lower()

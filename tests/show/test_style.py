@@ -99,11 +99,8 @@ def test_save_refuses_another_suffix_and_writes_nothing(figure, tmp_path, name):
 
 # --- the scope of a run ----------------------------------------------------------------------
 
-DRIVE = {
-    "drive.n1": [150.0, 0.5, 0.05, 0.05],
-    "drive.n0": [300.0, 4.0, 0.5, 0.5],
-    "drive.reference_delay": 0.0075,
-}
+DRIVE = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}
+DRIVE |= {"drive.reference_delay": 0.0075}
 
 
 def test_single_saturated_period_is_seen(designed):

@@ -34,11 +34,8 @@ SMALL = {"width": 200, "height": 130}  # WebGL in software is slow
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory, robot):
     path = tmp_path_factory.mktemp("page") / "run.html"
-    segments = (
-        TimedSegment("roll", 0, 0.5, "to 1.5 deg/s, cosine"),
-        TimedSegment("roll", 0.8, 2, EVIL),
-        TimedSegment("yaw", 0.8, 2, "hold"),
-    )
+    rows = ("roll", 0, 0.5, "to 1.5 deg/s, cosine"), ("roll", 0.8, 2, EVIL), ("yaw", 0.8, 2, "hold")
+    segments = tuple(TimedSegment(*row) for row in rows)
     meant = IntendedIllusion(quantity="yaw rate", sign=1, start=0, end=0.1)
     story = Story(feels="A <b> lean.", segments=segments, illusion=meant)
     q = smooth(robot)[0] + [-2 * np.pi, 0, 0, 2 * np.pi]

@@ -136,10 +136,8 @@ def designed(desk, knots: str):
 def test_motor_loads_of_a_run_equal_formulas(desk):
     design = designed(desk, "[0.25, 1], [0.5, 1]")
     run, duration = simulate(design), design.reference.tracked.duration
-    loads, rested = (
-        dict(zip(motor_load_names(4), motor_loads(design, run, 0.5, pause), strict=True))
-        for pause in (0.0, 120.0)
-    )
+    of = (motor_loads(design, run, 0.5, pause) for pause in (0.0, 120.0))
+    loads, rested = (dict(zip(motor_load_names(4), x, strict=True)) for x in of)
     assert loads["used_torque_share_2"] == pytest.approx(run.tau_peak[:, 1].max() / 3950)
     rms = np.sqrt(np.mean(run.tau_rms[1:, 1] ** 2)) / 1780
     assert loads["rated_torque_share_2"] == pytest.approx(rms)

@@ -103,12 +103,8 @@ def test_computed_torque_decouples_coupled_rotors(case):
 def test_coupled_rotors_behind_springs_turn_together():
     """C' I_m C wd = r tau - k (theta - q), with both joints elastic."""
     wrist, springs = loaded(WRIST), Springs(np.ones(2, bool), np.array([2e3, 9e2]), np.zeros(2))
-    joints = elastic_joints(
-        springs=springs,
-        rotor_inertia=wrist.motor_inertia,
-        gear_ratio=[10, 40],
-        shared_inertia=wrist.shared_inertia,
-    )
+    rotors = {"rotor_inertia": wrist.motor_inertia, "shared_inertia": wrist.shared_inertia}
+    joints = elastic_joints(springs=springs, gear_ratio=[10, 40], **rotors)
     context, tau, state = joints.CreateDefaultContext(), np.array([2.0, -0.3]), np.zeros(4)
     set_motor_state(joints, context, [0.01, -0.02], [0.5, 0.7], springs=springs)
     joints.GetInputPort("tau").FixValue(context, tau)
