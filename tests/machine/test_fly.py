@@ -85,7 +85,7 @@ def test_online_cueing_is_told_beside_the_found_motion(flown):
     told = result.numbers["online"]["program"]
     g, _, vertical = result.online[0].errors(flown.felt)
     assert told["g_error_rms"] == g and told["idle_g"] == 1.4 and told["kept_plans"] == 0
-    text = f"the online program has G ({g:.3f} instead of {flown.chosen.g_error:.3f} G), felt rotation"
+    text = f"the online program has G ({g:.3f} instead of {flown.chosen.g_error:.3f} G), felt"
     assert text in result.online_answer and f"({vertical:.1f} instead of" in result.online_answer
     assert "a plan takes" in result.online_answer and "of the 200 ms" in result.online_answer
     assert f"- **Online:** {result.online_answer}." in fly_report(result).markdown()
