@@ -82,27 +82,11 @@ def test_the_head_feels_the_arm_and_its_brake():
     assert worst(result, "brake_energy", 1).value == pytest.approx(J * W**2 / 2, rel=1e-5)
 
 
-@pytest.mark.parametrize("n", [1, 3])
-def test_brakes_take_the_energy_of_a_robot_with_any_number_of_joints(n):
-    """Without friction that is the kinetic one, and the potential one that it loses."""
-    robot = loaded(chain_sdf(n, motors={"damping": np.zeros(n)}))
-    none = np.zeros(n)
-    brakes = Brakes(static=none + 1e6, dynamic=none + 200, delay=none, inertia=none, energy=none)
-    setting = make_setting(robot, Stopping(motors=["AC-203"] * n), DeviceChoice())
-    setting = dataclasses.replace(setting, brakes=brakes)
-    motion = Motion.from_speeds(0.005, none, np.ones((3, n)))
-    result = along(setting, motion)
-
-    def energy(q, v):
-        context = robot.context_at_zero()
-        robot.plant.SetPositions(context, q)
-        return v @ robot.mass_matrix(context) @ v / 2 + robot.plant.CalcPotentialEnergy(context)
-
-    for k, time in enumerate(result.time):
-        lost = energy(motion.q[k], motion.v[k]) - energy(result.course(time).q[-1], none)
-        assert result.figures["brake_energy"][k].sum() == pytest.approx(lost, rel=1e-3)
-    assert "G" not in "".join(stop_findings(result)) and len(result.worst) == 5 * n
-    assert len(course_panels(result, result.course(0.0))) == 2  # none of G, as it has no head
+def test_a_robot_without_head_has_no_figures_of_it():
+    setting = make_setting(loaded(chain_sdf(3)), Stopping(motors=["AC-203"] * 3), DeviceChoice())
+    result = along(setting, Motion.from_speeds(0.005, np.zeros(3), np.ones((3, 3))))
+    assert "G" not in "".join(stop_findings(result)) and len(result.worst) == 5 * 3
+    assert len(course_panels(result, result.course(0.0))) == 2
 
 
 def test_a_run_of_another_robot_is_refused():

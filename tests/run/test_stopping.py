@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.robots import RATE_TABLE, loaded
+from helpers.robots import RATE_TABLE, chain_sdf, loaded
 from oracles.braked import braked
 
 from sdt_drake.robot.brakes import Brakes
@@ -26,7 +26,8 @@ def brakes(static, dynamic, delay=0.0, inertia=0.0):
 
 
 def power_off(own):
-    return Schedule(REST, REST, own.delay)
+    at_once = np.zeros_like(own.delay)
+    return Schedule(at_once, at_once, own.delay)
 
 
 STRONG = brakes([1e4, 4e3, 2e3, 2e3], [8e3, 3e3, 1.6e3, 1.6e3], 0.1, 2.0)
@@ -44,17 +45,23 @@ def test_an_arm_in_its_brake_stops_after_j_w_over_t(torque):
     assert course.brake_energy[0] == pytest.approx(J * w**2 / 2, rel=1e-5)
 
 
-def test_brakes_take_the_energy_of_the_robot():
-    plant = SDT.make_plant()
-    context = plant.CreateDefaultContext()
+CHAINS = [loaded(chain_sdf(n, motors={"damping": np.zeros(n)})) for n in (1, 3)]
+
+
+@pytest.mark.parametrize("robot", [SDT, *CHAINS], ids=["sdt", "1 joint", "3 joints"])
+def test_brakes_take_the_energy_of_a_robot(robot):
+    n, plant, share = robot.n, robot.make_plant(), 1 if robot is SDT else 0.01
+    context, of = plant.CreateDefaultContext(), (STRONG.static, STRONG.dynamic, STRONG.inertia)
+    static, dynamic, inertia = (share * x[:n] for x in of)
+    own = Brakes(static, dynamic, STRONG.delay[:n], inertia, NEVER[:n])
 
     def energy(q, v):
         plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
-        moving = plant.CalcKineticEnergy(context) + (STRONG.inertia * v**2).sum() / 2
+        moving = plant.CalcKineticEnergy(context) + (own.inertia * v**2).sum() / 2
         return moving + plant.CalcPotentialEnergy(context)
 
-    course = simulate_stop(StopPlant(SDT, STRONG), Q, V, power_off(STRONG), 60)
-    lost = energy(Q, V) - energy(course.q[-1], course.v[-1])
+    course = simulate_stop(StopPlant(robot, own), Q[:n], V[:n], power_off(own), 60)
+    lost = energy(Q[:n], V[:n]) - energy(course.q[-1], course.v[-1])
     assert course.brake_energy.sum() == pytest.approx(lost, rel=1e-5)
     assert (course.brake_energy > 0).all() and not course.v[-1].any()
 
