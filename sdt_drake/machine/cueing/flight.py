@@ -309,10 +309,8 @@ def _cleaned(
     for taken, what, unit in ((of_force, "force", "m/s²"), (of_rates, "rates", "rad/s")):
         if taken.any():
             sizes = ", ".join(f"{size:.3g}" for size in taken)
-            notes.append(
-                f"white noise in its {what} is taken out by a smoothing spline: {sizes} {unit} RMS "
-                "of x, y, z"
-            )
+            said = f"white noise of {sizes} {unit} RMS is taken out of its {what}"
+            notes.append(f"{said} by a smoothing spline")
     if arm:
         alpha = np.gradient(rates, time, axis=0)
         force = force - np.cross(alpha, lever) - np.cross(rates, np.cross(rates, lever))

@@ -2,8 +2,6 @@
 
 import math
 import time as clock
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +17,6 @@ from sdt_drake.io.arguments import (
     takes,
     whole_periods,
 )
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import work
 from sdt_drake.io.signals import holding_signals
@@ -33,7 +30,7 @@ from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_a
 from sdt_drake.machine.cueing.program import fitted
 from sdt_drake.machine.cueing.reach import reach
 from sdt_drake.machine.cueing.result import CueingResult
-from sdt_drake.machine.cueing.search import Search, reasons, unexcelled
+from sdt_drake.machine.cueing.search import Released, Search, reasons, unexcelled
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD
 from sdt_drake.pilot.head import GRAVITY, check_head
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
@@ -48,7 +45,7 @@ G_WEIGHT = 0.3
 """Weight of the G error where none is given [-]; felt rotation has 1."""
 
 _WEIGHT_BESIDE = 0.05  # weight of errors before and after the flight
-_WASHOUT, _LEFT_OUT = "classical washout", "{} left out: at rest"
+_ALIGNMENT, _WASHOUT = "alignment", "classical washout"
 _WASHED_SMOOTH = 0.2  # smoothing time of a washout [s]
 
 
@@ -163,24 +160,14 @@ def fly(
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What a search found, with the baselines; those that an interrupt left out are at rest."""
-
-    search: Search
-    starts: list[Start]
-    alignments: dict[str, Trajectory]
-    washout: dict[str, Trajectory]
-    own: int  # index in `Search.found`
-    free: Trajectory | None
-
-
 def _flown(
     problem: Problem, flight: Flight, ends: tuple[float, float], effort: Effort, compare: bool,
-    released: Callable[[], AbstractContextManager[None]],
+    released: Released,
 ) -> CueingResult:  # fmt: skip
     """Search for a motion, and compare it."""
     robot, model = problem.robot, problem.model
+    starts = [(s, seat) for s in ((1, -1) if problem.arm else (1,)) for seat in effort.seats]
+    factors = sorted(effort.front if compare else (), key=lambda x: abs(math.log(x)))
     every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / SENSED_PERIOD) + 1)
     in_flight = percept_of(model, every, *flight.at(every))
     still = _still(problem, flight, in_flight)
@@ -188,102 +175,81 @@ def _flown(
     def shown(name: str, trajectory: Trajectory) -> Candidate:
         return Candidate(name, robot, trajectory.motion, flight, ends[0], model)
 
-    def nearest(alignments: dict[str, Trajectory]) -> str:
-        return min(alignments, key=lambda name: shown(name, alignments[name]).felt_rotation)
+    baselines = {name: (f"{name} left out: at rest", still) for name in (_ALIGNMENT, _WASHOUT)}
+    with work() as report:
+        search = Search(problem, still, report, len(starts) + 1 + compare + len(factors), released)
 
-    made = _searched(problem, still, ends, effort, compare, released, nearest)
-    search = made.search
+        def begin() -> None:
+            x = aligned(problem, starts)
+            simple = {
+                f"alignment, seat at {np.degrees(seat):.0f} deg, smoothed {smooth:g} s":
+                fitted(problem, angles(problem, x[k], smooth, *ends))
+                for k, seat in enumerate(effort.seats) for smooth in SMOOTH
+            }  # fmt: skip
+            name = min(simple, key=lambda name: shown(name, simple[name]).felt_rotation)
+            baselines[_ALIGNMENT] = name, simple[name]
+            turned = angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends)
+            baselines[_WASHOUT] = _WASHOUT, fitted(problem, turned)
+            search.run([angles(problem, one, SMOOTH[0], *ends)[::2] for one in x])
+
+        search.keep(begin)
+        for name, baseline in baselines.values():
+            if baseline is not still:
+                search.offer(name, baseline)
+        for factor in 2 * [1.0, *factors]:  # the second time where a better start is known by then
+            if factor == 1 or not search.interrupted:
+                search.find(factor)
+        own = search.find(1.0)
+        free = search.without_torque_limits(own) if compare else None
     found = [shown(origin, one) for origin, _, one in search.found]
     errors = [one.errors(in_flight) for one in found]
     front = unexcelled(errors)
-    best = next(found[k] for k in front if np.all(np.array(errors[k]) <= errors[made.own]))
-    best = replace(best, name="this motion")
-    alignment = shown(name := nearest(made.alignments), made.alignments[name])
+    best = next(found[k] for k in front if np.all(np.array(errors[k]) <= errors[own]))
     result = CueingResult(
-        best, found[0], alignment, shown(*made.washout.popitem()),
-        shown("without limits of torque", made.free) if made.free else None,
+        replace(best, name="this motion"), found[0],
+        shown(*baselines[_ALIGNMENT]), shown(*baselines[_WASHOUT]),
+        shown("without limits of torque", free) if free else None,
         tuple((search.found[k][1] * problem.weights.g, found[k]) for k in front), in_flight, {},
     )  # fmt: skip
-    gains = {k: getattr(model, k) for k in ("k_w", "k_fw", "k_fg", "k_a")}
-    why = reasons(problem, search.ends)
-    result.numbers.update({
+    result.numbers.update(_numbers(result, problem, search, found, starts))
+    return result
+
+
+def _numbers(
+    flown: CueingResult, problem: Problem, search: Search, found: list[Candidate],
+    starts: list[Start],
+) -> dict[str, object]:  # fmt: skip
+    """Return the content of summary.json; `found` are the motions of `Search.found`."""
+    best, flight, model, felt = flown.chosen, flown.chosen.flight, problem.model, flown.felt
+    reached, why_above = reach(problem.robot, flight), reasons(problem.arm, search.ends)
+    return {
         "flight": flight.name,
-        "robot": robot.name,
-        "flight_starts_at": ends[0],
+        "robot": problem.robot.name,
+        "flight_starts_at": best.starts_at,
         "flight_duration": flight.duration,
-        **best.figures(in_flight),
+        **best.figures(felt),
         "torque_share_allowed": problem.torque_share,
         "perception": model.source,
-        "perception_gains": gains,
-        "rest": {"posture_deg": np.degrees(still.q[0]), **result.rest.figures(in_flight)},
-        "alignment": {"name": alignment.name, **alignment.figures(in_flight)},
-        "washout": result.washout.figures(in_flight),
-        "without_torque_limits": result.unlimited and result.unlimited.figures(in_flight),
+        "perception_gains": {k: getattr(model, k) for k in ("k_w", "k_fw", "k_fg", "k_a")},
+        "rest": {"posture_deg": np.degrees(flown.rest.motion.q[0]), **flown.rest.figures(felt)},
+        "alignment": {"name": flown.alignment.name, **flown.alignment.figures(felt)},
+        "washout": flown.washout.figures(felt),
+        "without_torque_limits": flown.unlimited and flown.unlimited.figures(felt),
         "front": [
-            {"g_weight": g, "origin": one.name, **one.figures(in_flight)} for g, one in result.front
+            {"g_weight": g, "origin": one.name, **one.figures(felt)} for g, one in flown.front
         ],
         "g_weight": problem.weights.g,
         "weights": asdict(problem.weights),
         "starts": [
             {"sense": sense, "seat_deg": float(np.degrees(seat)), "cost": end.trajectory.merit,
-             "reason": reason, **found[end.found].figures(in_flight)}
-            for (sense, seat), end, reason in zip(made.starts, search.ends, why, strict=False)
+             "reason": why, **found[end.found].figures(felt)}
+            for (sense, seat), end, why in zip(starts, search.ends, why_above, strict=False)
         ],
-        "reachable_g": reach(robot, flight).g,
-        "beyond_reach_s": reach(robot, flight).beyond,
+        "reachable_g": reached.g,
+        "beyond_reach_s": reached.beyond,
         "objective": objective(best),
         "interrupted": search.interrupted,
-    })  # fmt: skip
-    return result
-
-
-def _searched(
-    problem: Problem, still: Trajectory, ends: tuple[float, float], effort: Effort, compare: bool,
-    released: Callable[[], AbstractContextManager[None]],
-    nearest: Callable[[dict[str, Trajectory]], str],
-) -> _Found:  # fmt: skip
-    """Find baselines, and motions by all weights; `nearest` names the best of alignments."""
-    starts = [(s, seat) for s in ((1, -1) if problem.arm else (1,)) for seat in effort.seats]
-    front = sorted(effort.front if compare else (), key=lambda x: abs(math.log(x)))
-    alignments = {_LEFT_OUT.format("alignment"): still}
-    washout = {_LEFT_OUT.format(_WASHOUT): still}
-    with work() as report:
-        search = Search(problem, still, report, len(starts) + 1 + compare + len(front), released)
-
-        def begin() -> None:
-            x = aligned(problem, starts)
-            found = _alignments(problem, x, starts[: len(effort.seats)], ends)
-            turned = angles(problem, washed_out(problem, x[0]), _WASHED_SMOOTH, *ends)
-            washed = fitted(problem, turned)
-            for baseline, trajectories in (alignments, found), (washout, {_WASHOUT: washed}):
-                baseline.clear()
-                baseline.update(trajectories)
-            search.run([angles(problem, one, SMOOTH[0], *ends)[::2] for one in x])
-
-        search.keep(begin)
-        best = nearest(alignments)
-        for name, baseline in {best: alignments[best], **washout}.items():
-            if baseline is not still:
-                search.offer(name, baseline)
-        for factor in 2 * [1.0, *front]:  # the second time where a better start is known by then
-            if factor == 1 or not search.interrupted:
-                search.find(factor)
-        own = search.find(1.0)
-        free = search.without_torque_limits(own) if compare else None
-    return _Found(search, starts, alignments, washout, own, free)
-
-
-def _alignments(
-    problem: Problem, x: Array, starts: list[Start], ends: tuple[float, float]
-) -> dict[str, Trajectory]:
-    """Return the alignments of starts with different smoothing times, by name."""
-    return {
-        f"alignment, seat at {np.degrees(seat):.0f} deg, smoothed {smooth:g} s": fitted(
-            problem, angles(problem, x[k], smooth, *ends)
-        )
-        for k, (_, seat) in enumerate(starts)
-        for smooth in SMOOTH
-    }
+    }  # fmt: skip
 
 
 def _check(robot: Robot, knot: float, approach: float) -> None:

@@ -14,6 +14,9 @@ from sdt_drake.machine.cueing.program import fitted, rated, solve
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.robot import Robot
 
+Released = Callable[[], AbstractContextManager[None]]
+"""Maker of a context in which interrupts arrive; they are held off elsewhere."""
+
 Errors = tuple[float, ...]
 """Errors of a motion; smaller ones are better."""
 
@@ -32,12 +35,12 @@ _SHRUNK = (0.99, 0.97, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)  # shares of a motion
 class Ended:
     """The end of a search from one start."""
 
-    start: int
-    """Number of the start, from 0."""
+    start: Trajectory
+    """The start, with twice the time between knots."""
     trajectory: Trajectory
-    """The end, with twice the time between knots; its limits hold at knots alone."""
+    """The end, whose limits hold at knots alone."""
     found: int
-    """Index of the motion in `Search.found` that keeps the limits, made of this end or its twin."""
+    """Index in `Search.found` of the motion that keeps the limits, made of it."""
 
 
 class Search:
@@ -48,12 +51,12 @@ class Search:
         rest: The device at rest.
         report: Function of the completed share of the work.
         count: Number of searches in the work.
-        released: Maker of a context in which interrupts arrive; they are held off elsewhere.
+        released: Maker of contexts in which interrupts arrive.
     """
 
     def __init__(
         self, problem: Problem, rest: Trajectory, report: Callable[[float], None], count: int,
-        released: Callable[[], AbstractContextManager[None]] = nullcontext,
+        released: Released = nullcontext,
     ) -> None:  # fmt: skip
         self._problem, self._rest, self._report, self._count = problem, rest, report, count
         self._released = released
@@ -74,25 +77,20 @@ class Search:
     def run(self, starts: Sequence[Array]) -> None:
         """Search from the angles of each start, with twice the time between knots.
 
-        A start of the same cost as one before is its mirror image, and gives the same end. Of ends
-        with the same cost one is made to keep the limits.
+        A start of the same cost as one before is its mirror image, and gives the same end.
         """
-        begun: list[Trajectory] = []
 
         def search(q: Array) -> None:
-            begun.append(rated(self._rough, fitted(self._rough, q)))
-            same = (one for one in self.ends if _same(begun[one.start], begun[-1]))
-            twin = next(same, None)
-            self._unfinished = [twin.trajectory if twin else begun[-1]]
-            if twin is None:
+            begun = rated(self._rough, fitted(self._rough, q))
+            twins = (x for x in self.ends if abs(x.start.merit / begun.merit - 1) < _SAME)
+            ended = next(twins, None)
+            if ended is None:
+                self._unfinished = [begun]
                 self._solve(self._rough, self._unfinished)
-            end = self._unfinished[0]
-            twin = next((one for one in self.ends if _same(one.trajectory, end)), None)
-            if twin is None:
+                ended = Ended(begun, self._unfinished[0], len(self.found))
                 within = self._polished(self._rough, self._unfinished)
                 self.found.append((START, 1.0, rated(self._problem, within.refined())))
-            index = twin.found if twin else len(self.found) - 1
-            self.ends.append(Ended(len(self.ends), end, index))
+            self.ends.append(ended)
 
         for q in starts:
             if not self.interrupted:
@@ -172,32 +170,26 @@ class Search:
             self.interrupted = True
 
 
-def reasons(problem: Problem, ends: Sequence[Ended]) -> list[str]:
-    """Say why each end costs more than the best; "" for up to 3 percent.
+def reasons(arm: bool, ends: Sequence[Ended]) -> list[str]:
+    """Say why each end costs more than the best, beside the nearest of the best ends.
 
-    The end is compared with the nearest of those.
+    Args:
+        arm: See `Problem.arm`.
+        ends: The ends; those up to 3 percent above the best have "".
     """
-    most = _NEAR_COST * min((one.trajectory.merit for one in ends), default=0.0)
-    best = [one.trajectory for one in ends if one.trajectory.merit <= most]
-    return [
-        min(_apart(problem, one.trajectory, other) for other in best)[1]
-        if one.trajectory.merit > most else ""
-        for one in ends
-    ]  # fmt: skip
+    all_ends = [one.trajectory for one in ends]
+    most = _NEAR_COST * min((one.merit for one in all_ends), default=0.0)
+    best = [one for one in all_ends if one.merit <= most]
+    return [min(_apart(arm, x, y) for y in best)[1] if x.merit > most else "" for x in all_ends]
 
 
-def _apart(problem: Problem, one: Trajectory, other: Trajectory) -> tuple[float, str]:
+def _apart(arm: bool, one: Trajectory, other: Trajectory) -> tuple[float, str]:
     """Return how far two trajectories are apart [deg], also in words."""
-    if problem.arm and np.ptp([np.sign(x.q[-1, 0] - x.q[0, 0]) for x in (one, other)]):
+    if arm and np.sign(one.q[-1, 0] - one.q[0, 0]) != np.sign(other.q[-1, 0] - other.q[0, 0]):
         return 360.0, "the arm turns the other way"
-    turned = np.abs(np.angle(np.exp(1j * (one.q - other.q))))[:, int(problem.arm) :]
+    turned = np.abs(np.angle(np.exp(1j * (one.q - other.q)))) * (np.arange(one.q.shape[1]) >= arm)
     off = np.degrees(np.sqrt((turned**2).mean(axis=0)))
-    joint = int(problem.arm) + 1 + int(off.argmax())
-    return float(off.max()), f"joint {joint} is turned by {off.max():.0f} deg"
-
-
-def _same(one: Trajectory, other: Trajectory) -> bool:
-    return abs(one.merit - other.merit) < _SAME * one.merit
+    return float(off.max()), f"joint {off.argmax() + 1} is turned by {off.max():.0f} deg"
 
 
 def unexcelled(errors: Sequence[Errors]) -> list[int]:
