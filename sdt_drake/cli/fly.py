@@ -79,7 +79,8 @@ def run(
     echo(str(reach(device, recorded)))
     knots = (approach + recorded.duration + departure) / knot
     seconds = _FIXED + knots * (_OF_ONE if alone else _OF_FRONT)
-    echo(f"The search takes about {seconds:.0f} s of computing; Ctrl-C ends it with what it has.")
+    span = f"{seconds:.0f} to {2 * seconds:.0f} s of computing"
+    echo(f"The search takes about {span}; Ctrl-C ends it with what it has.")
     flown = fly(
         device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
         torque_margin=torque_margin, g_weight=g_weight, vertical_weight=vertical_weight,

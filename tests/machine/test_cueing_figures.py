@@ -54,7 +54,10 @@ def test_tilt_rate_is_that_of_the_roll_joint(robot):
     v[1:-1, 1], v[1:-1, 0] = 0.1, 1.0  # the arm turns the head about the vertical
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
     level = np.tile([0, 0, GRAVITY], (100, 1))
-    flight = make_flight(0.08 * np.arange(100.0), level, 0 * level)
+    time = 0.08 * np.arange(100.0)
+    flight = make_flight(time, level, 1e-3 * np.sin(2 * time)[:, None] + 0 * level)
     sheet = objective(Candidate("", robot, motion, flight, 1.0, load_perception("slow_yaw")))
     assert sheet["tilt_rate_rms_deg_s"] == pytest.approx(np.degrees(0.1), rel=1e-6)
     assert sheet["tilt_rate_noticed_share"] == 1 and sheet["false_rotation_share"] == 1
+    unfelt = sheet["signals"]["roll"]  # 0.06 deg/s in flight
+    assert np.isnan([*unfelt["gain"], unfelt["nrmse"], unfelt["delay_s"]]).all()

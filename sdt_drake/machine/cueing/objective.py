@@ -4,7 +4,8 @@ The signals are the specific force along and the rotation about each axis of the
 have passed the canals' high pass of 5.7 s, as steady ones are not felt.
 
 - gain, phase: H = S_xy / S_xx of flight x and device y (Welch), at the frequencies of ICAO 9625's
-  Objective Motion Cueing Test (0.1 to 15.85 rad/s), where the flight has power.
+  Objective Motion Cueing Test (0.1 to 15.85 rad/s), where the flight has power. A signal below its
+  threshold throughout the flight has no response.
 - correlation: Pearson's; delay: the lag of the largest one within 2 s.
 - NRMSE: RMS error over the range of the flight's signal.
 - false cues: a signal beyond its threshold on the device that in flight is below it, or has the
@@ -51,7 +52,10 @@ def objective(motion: Candidate) -> dict[str, Any]:
     return {
         "frequencies_rad_s": FREQUENCIES,
         "signals": {
-            name: _signal(both[0][:, k], both[1][:, k], period) | {"false": is_false[:, k].mean()}
+            name: {
+                **_signal(both[0][:, k], both[1][:, k], period, thresholds[k]),
+                "false": is_false[:, k].mean(),
+            }
             for k, name in enumerate(CHANNELS)
         },
         "false_rotation_share": float(is_false[:, :3].any(axis=1).mean()),
@@ -73,8 +77,8 @@ def _tilt_rate(motion: Candidate) -> Array:
     return np.asarray(np.linalg.norm(np.cross(motion.head.angular_velocity, up), axis=1))
 
 
-def _signal(flown: Array, shown: Array, period: float) -> dict[str, Any]:
-    """Return gain, phase and errors of one signal; NaN where the flight has none."""
+def _signal(flown: Array, shown: Array, period: float, threshold: float) -> dict[str, Any]:
+    """Return gain, phase and errors of one signal; NaN where the flight has none that is felt."""
     count = min(len(flown), round(_SEGMENT / period))
     spectra = {"fs": 1 / period, "nperseg": count}
     f, power = welch(flown, **spectra)
@@ -83,9 +87,10 @@ def _signal(flown: Array, shown: Array, period: float) -> dict[str, Any]:
         coherent = coherence(flown, shown, **spectra)[1] if count < len(flown) else np.ones(len(f))
     at = FREQUENCIES / (2 * np.pi)
     has_power = np.interp(at, f, power) > _POWER * max(power.max(), 1e-12)
-    has_power &= (at >= 1 / (count * period)) & (np.ptp(flown) > 1e-9)
+    is_felt = np.abs(flown).max() > threshold
+    has_power &= (at >= 1 / (count * period)) & is_felt
     H = np.where(has_power, np.interp(at, f, H.real) + 1j * np.interp(at, f, H.imag), np.nan)
-    correlation, delay = _delayed(flown, shown, period)
+    correlation, delay = _delayed(flown, shown, period) if is_felt else (np.nan, np.nan)
     error, span = np.sqrt(np.mean((shown - flown) ** 2)), np.ptp(flown)
     return {
         "gain": np.abs(H),
@@ -93,7 +98,7 @@ def _signal(flown: Array, shown: Array, period: float) -> dict[str, Any]:
         "coherence": np.where(has_power, np.interp(at, f, np.nan_to_num(coherent)), np.nan),
         "correlation": correlation,
         "delay_s": delay,
-        "nrmse": float(error / span) if span > 1e-9 else np.nan,
+        "nrmse": float(error / span) if is_felt else np.nan,
     }
 
 
