@@ -19,7 +19,7 @@ from sdt_drake.machine.cueing.online_flight import with_online
 from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights
 from sdt_drake.machine.cueing.procedure import Effort, fly
 from sdt_drake.machine.cueing.program import rated
-from sdt_drake.machine.cueing.search import is_within, unexcelled
+from sdt_drake.machine.cueing.search import Ended, is_within, reasons, unexcelled
 from sdt_drake.motion import Motion, load_plan
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.pilot import load_perception
@@ -151,6 +151,24 @@ def test_signal_before_or_after_the_search_loses_no_motion(robot, onset, stage, 
     if stage != "reasons":
         assert found.alignment.name == "alignment left out: at rest"
         assert "left out" in fly_report(found).markdown()
+
+
+def end(cost, arm, seat):
+    """The end of a start by its cost, the speed of the arm and the angle of the seat [rad]."""
+    q = np.column_stack([arm * np.arange(3.0), np.full(3, seat)])
+    return Ended(None, Trajectory(1.0, q, 0 * q, 0 * q, cost), 0)
+
+
+def test_reasons_compare_with_the_nearest_of_the_best_ends():
+    forth, back, turned = end(1.0, 2.0, 0.0), end(1.02, -2.0, 0.5), end(1.2, -1.0, 0.6 - 2 * np.pi)
+    near = "joint 2 is turned by 6 deg"
+    assert reasons(True, [forth, back, turned]) == ["", "", near]
+    assert reasons(True, [turned, forth]) == ["the arm turns the other way", ""]
+    assert reasons(False, [turned, forth]) == [
+        "joint 1 is turned by 100 deg",
+        "",
+    ]  # 0, 172 and 16 deg
+    assert reasons(True, []) == []
 
 
 BAD = [
