@@ -69,6 +69,21 @@ def test_force_arrow_has_direction_and_length_of_the_force(force):
 # --- what cannot be shown -----------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("time", "q", "message"),
+    [
+        ([0, 1], np.zeros((2, 4)), "time: expected at least three samples that grow"),
+        ([0, 1, 1], np.zeros((3, 4)), "time: expected at least three samples that grow"),
+        ([0, 1, 2], np.zeros((3, 3)), r"q: shape \(3, 3\), expected \(3, 4\) for robot 'sdt'"),
+        ([0, 1, 2], np.full((3, 4), np.nan), "q: contains a value that is not finite"),
+        ([0, 1, 1e5], np.zeros((3, 4)), "lasts 100000 s, expected at most .* s to show"),
+    ],
+)
+def test_a_motion_that_cannot_be_shown_is_one_line(robot, time, q, message):
+    with pytest.raises(InputError, match=message):
+        make_frames(robot, time, q)
+
+
 @pytest.fixture
 def draw(tmp_path, meshcat):
     """Draws the planar arm with a shape on its upper link."""
