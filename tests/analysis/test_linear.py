@@ -82,6 +82,7 @@ def test_inverse_dynamics_decouples_coupled_plant(designed, sample, moving):
     for k in range(4):
         alone = speed[:, k, k]
         np.testing.assert_allclose(loop.closed(k).response(omega)[:, 0, 0], alone, atol=1e-5)
+        assert f"q_ref_{k + 1}" in loop.closed(k).states
         s, error = 1j * omega[:20], 2 * zeta[k] * OMEGA_R / 2
         slow = (error * s + OMEGA_R**2 / 4) / (s**2 + error * s + OMEGA_R**2 / 4)
         np.testing.assert_allclose(alone[:20], slow, atol=0.05)

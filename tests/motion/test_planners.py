@@ -178,6 +178,9 @@ def test_limited_joint_catches_up_later(robot, limit):
     np.testing.assert_allclose(plan.motion.v[:, 0], expected, atol=1e-5)
     limited = np.flatnonzero(plan.limited[:, 0])
     assert (limited[0], len(limited)) == (200, pytest.approx(320 / acceleration, abs=2))
+    summary = plan.summary()
+    told = summary.rows[0][list(summary.header).index("held back [s]")]
+    assert float(told) == pytest.approx(len(limited) * PERIOD, abs=1e-3)
     lost = 1.6**2 / 2 * (1 / acceleration - 1 / 0.8)  # the area between the ramps
     assert plan.angle_lost == pytest.approx([lost, 0, 0, 0], rel=1e-3)
 
