@@ -48,13 +48,13 @@ def objective(motion: Candidate) -> dict[str, Any]:
         both.append(np.hstack([felt, signals[:, :3] - [0, 0, GRAVITY]])[inside])
     thresholds = np.concatenate([RATE, LINEAR])
     is_false = _false(both[0], both[1], thresholds)
-    signals = zip(CHANNELS, both[0].T, both[1].T, thresholds, is_false.T, strict=True)
+    pairs = zip(CHANNELS, both[0].T, both[1].T, thresholds, is_false.T, strict=True)
     tilt = np.degrees(_tilt_rate(motion)[inside])
     return {
         "frequencies_rad_s": FREQUENCIES,
         "signals": {
             name: _signal(x, y, period, least) | {"false": wrong.mean()}
-            for name, x, y, least, wrong in signals
+            for name, x, y, least, wrong in pairs
         },
         "false_rotation_share": float(is_false[:, :3].any(axis=1).mean()),
         "false_force_share": float(is_false[:, 3:].any(axis=1).mean()),
