@@ -4,6 +4,7 @@ import gc
 import socket
 import weakref
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -183,6 +184,15 @@ def test_device_without_an_endless_arm_begins_at_rest_and_keeps_its_stops(robot,
 def test_wrong_option_is_refused(robot, options, message):
     with pytest.raises(sdt.InputError, match=message):
         OnlineCueing(robot, **options)
+
+
+def test_datagrams_without_end_do_not_hold_the_run(monkeypatch):
+    flight = UdpFlight()
+    endless = SimpleNamespace(recv=lambda _: b"0, 1, 2, 3, 4, 5, 6")
+    monkeypatch.setattr(flight, "_socket", endless)
+    simulator = Simulator(flight)
+    simulator.AdvanceTo(0.001)
+    assert flight.GetOutputPort("flight").Eval(simulator.get_context()).tolist() == [*range(1, 7)]
 
 
 def test_newest_datagram_counts_and_silence_is_no_flight():

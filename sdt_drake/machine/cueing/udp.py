@@ -18,6 +18,7 @@ from sdt_drake.machine.cueing.flight import FlightColumns, load_flight_columns
 from sdt_drake.pilot.head import GRAVITY
 
 _LARGEST = 65536  # bytes of a datagram
+_MOST = 1000  # datagrams in a period; more wait for the next one
 
 
 class UdpFlight(LeafSystem):
@@ -102,11 +103,11 @@ class UdpFlight(LeafSystem):
     def _received(self) -> tuple[Array | None, int]:
         """Return the newest motion since the last call, None for none, and the refused lines."""
         newest, refused = None, 0
-        while True:
+        for _ in range(_MOST):
             try:
                 text = self._socket.recv(_LARGEST).decode("ascii", "replace").strip()
             except BlockingIOError:
-                return newest, refused
+                break
             if text.startswith("<"):
                 continue
             try:
@@ -120,3 +121,4 @@ class UdpFlight(LeafSystem):
                 newest = np.concatenate([force[0], rate[0]])
             else:
                 refused += 1
+        return newest, refused
