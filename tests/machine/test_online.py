@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 import sdt_drake as sdt
 from sdt_drake.machine.cueing import online
@@ -184,6 +185,27 @@ def test_device_without_an_endless_arm_begins_at_rest_and_keeps_its_stops(robot,
 def test_wrong_option_is_refused(robot, options, message):
     with pytest.raises(sdt.InputError, match=message):
         OnlineCueing(robot, **options)
+
+
+@pytest.mark.parametrize("start, tolerance", [(100.0, 1e-7), (100.05, 0.5)])
+def test_run_from_a_later_time_gives_the_same_reference(robot, start, tolerance):
+    """Between plans the reference waits for the next; by then the block knows the flight."""
+    ends = []
+    for began in (0.0, start):
+        builder = DiagramBuilder()
+        cueing = OnlineCueing(robot, law="washout")
+        builder.AddSystem(cueing)
+        level = builder.AddSystem(ConstantVectorSource([*LEVEL, 0.0, 0.0, 0.0]))
+        builder.Connect(level.get_output_port(), cueing.get_input_port())
+        simulator = Simulator(builder.Build())
+        simulator.get_mutable_context().SetTime(began)
+        own = cueing.GetMyContextFromRoot(simulator.get_context())
+        first = 0.2 * np.ceil(began / 0.2 - 1e-9)
+        for time in (first - 0.004, first + 0.702):
+            simulator.AdvanceTo(max(time, began))
+            ends.append(cueing.GetOutputPort("reference").Eval(own))
+    np.testing.assert_allclose(ends[2:], ends[:2], atol=tolerance)
+    assert np.linalg.norm(ends[1] - ends[0]) > 0.1
 
 
 def test_datagrams_without_end_do_not_hold_the_run(monkeypatch):

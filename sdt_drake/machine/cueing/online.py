@@ -81,8 +81,8 @@ class _Washout:
 class _State:
     """The plan from a knot on, and what the pilot feels."""
 
-    knots: int
-    """Number of that knot."""
+    time: float
+    """Time of that knot [s]; inf before the first plan."""
     plan: Trajectory
     """Plan from that knot to rest."""
     on_device: Array
@@ -103,7 +103,7 @@ class _State:
         rest = len(self.plan.q) < 3
         parts = (np.vstack([x[1:], x[-1:]]) if rest else x[1:] for x in self.plan.parts)
         plan = _trajectory(self.plan.knot, parts)
-        return replace(self, knots=self.knots + 1, plan=plan, is_kept=True)
+        return replace(self, plan=plan, is_kept=True)
 
 
 class OnlineCueing(LeafSystem):
@@ -204,6 +204,7 @@ class OnlineCueing(LeafSystem):
 
         def plan(context: Context, state: State) -> None:
             new = block._planned(of(context), context.get_discrete_state(smooth).value())
+            new = replace(new, time=context.get_time())
             state.get_mutable_abstract_state(int(planned)).set_value(new)
 
         def sample(context: Context, values: DiscreteValues) -> None:
@@ -213,8 +214,9 @@ class OnlineCueing(LeafSystem):
                 now = np.full(6, np.nan)
             mixed = before + min(2 * period / knot, 1.0) * (now - before)
             values.set_value(smooth, mixed if np.isfinite(before).all() else now)
-            time = context.get_time() - of(context).knots * knot
-            values.set_value(int(held), _sample(of(context).plan, time, period))
+            since = context.get_time() - of(context).time
+            if since >= 0:
+                values.set_value(int(held), _sample(of(context).plan, since, period))
 
         self.DeclareStateOutputPort("reference", held)
         for name in ("computing_share", "is_kept"):
@@ -254,7 +256,7 @@ class OnlineCueing(LeafSystem):
         if plan is None:
             raise InputError("expected a resultant from which the device can stop", place="idle_g")
         head = problem.head_at(np.concatenate([q, v, 0 * q]))
-        return _State(-1, plan, unfelt(head), head, None, _Washout(q + v, q + v, np.zeros(3)))
+        return _State(math.inf, plan, unfelt(head), head, None, _Washout(q + v, q + v, np.zeros(3)))
 
     def _planned(self, state: _State, head: Array) -> _State:
         """Return the state one knot later, for force and rate in flight at that time."""
