@@ -8,12 +8,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.command_line import ARM, JOINT, LINK
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 import sdt_drake as sdt
-from sdt_drake.machine.cueing import online
+from sdt_drake.machine.cueing import online, procedure
 from sdt_drake.machine.cueing.candidate import Candidate, percept_of
 from sdt_drake.machine.cueing.flight import make_flight, read_flight
 from sdt_drake.machine.cueing.online import LAWS, OnlineCueing
@@ -178,6 +179,7 @@ def test_device_without_an_endless_arm_begins_at_rest_and_keeps_its_stops(robot,
         ({"sense": 0}, "sense: 0, expected 1 or -1"),
         ({"law": "none"}, "law: 'none'"),
         ({"knot": 0.0123}, "knot: "),
+        ({"knot": 3.0}, "knot: 3 s, expected at most 1 s"),
         ({"up": [1.0, 2.0]}, "up: "),
         ({"perception": "nobody"}, "nobody"),
     ],
@@ -185,6 +187,15 @@ def test_device_without_an_endless_arm_begins_at_rest_and_keeps_its_stops(robot,
 def test_wrong_option_is_refused(robot, options, message):
     with pytest.raises(sdt.InputError, match=message):
         OnlineCueing(robot, **options)
+
+
+def test_device_of_one_joint_is_refused(tmp_path):
+    text = LINK.format(name="seat", pose="") + "<frame name='head' attached_to='seat'/>"
+    text += JOINT.format(name="yaw", pose="", parent="world", child="seat")
+    path = tmp_path / "one.sdf"
+    path.write_text(f"{ARM[: ARM.index('<link')]}{text}</model></sdf>", encoding="utf-8")
+    with pytest.raises(sdt.InputError, match=r"one\.sdf: 1 joint, expected at least 2"):
+        OnlineCueing(str(path))
 
 
 @pytest.mark.parametrize("start, tolerance", [(100.0, 1e-7), (100.05, 0.5)])
@@ -206,6 +217,25 @@ def test_run_from_a_later_time_gives_the_same_reference(robot, start, tolerance)
             ends.append(cueing.GetOutputPort("reference").Eval(own))
     np.testing.assert_allclose(ends[2:], ends[:2], atol=tolerance)
     assert np.linalg.norm(ends[1] - ends[0]) > 0.1
+
+
+def test_device_that_cannot_hold_the_resultant_begins_at_rest_unless_told(robot):
+    up = [0.0, 0.0, -1.0]
+    cueing = OnlineCueing(robot, up=up, torque_margin=0.1)
+    assert cueing.idle_g == 1 and np.all(cueing.start[1] == 0)
+    with pytest.raises(sdt.InputError, match=r"idle_g: 1\.4 G, expected a resultant"):
+        OnlineCueing(robot, up=up, torque_margin=0.1, idle_g=1.4)
+
+
+def test_flight_shorter_than_the_time_between_plans_has_one_plan(robot):
+    run = run_online(OnlineCueing(robot, law="washout"), steady(LEVEL, 0.1))
+    assert len(run.computing_share) == len(run.is_kept) == 1
+
+
+def test_fly_refuses_a_resultant_before_the_search(robot, monkeypatch):
+    monkeypatch.setattr(procedure, "_problem_of", lambda *_: pytest.fail("searched"))
+    with pytest.raises(sdt.InputError, match="idle_g: 9 G, expected a resultant that sdt can hold"):
+        procedure.fly(robot, steady(LEVEL, 1.0), idle_g=9.0, online=True)
 
 
 def test_datagrams_without_end_do_not_hold_the_run(monkeypatch):

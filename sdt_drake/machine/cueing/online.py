@@ -35,18 +35,23 @@ from sdt_drake.io.arguments import (
     positive,
     share,
     takes,
-    whole_periods,
 )
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.alignment import TILT, WASHOUT, nearer, standing, turned
 from sdt_drake.machine.cueing.felt import advanced, felt, followed, unfelt
-from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_arm, resultant
+from sdt_drake.machine.cueing.problem import (
+    Problem,
+    Trajectory,
+    Weights,
+    check_program,
+    has_arm,
+    resultant,
+)
 from sdt_drake.machine.cueing.program import solve
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD
-from sdt_drake.pilot.head import GRAVITY, check_head
+from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
-from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot, load_robot
 
 LAWS = ("program", "washout")
@@ -151,7 +156,7 @@ class OnlineCueing(LeafSystem):
             robot: A device with a head, or its file or name.
             law: "program", or "washout" for a classical washout.
             idle_g: Resultant at the start, with a turning arm [G]; 1 for a device at rest. By
-                default 1.4, or 1 without an arm that turns without end.
+                default 1.4, or 1 if the device cannot hold that along `up`.
             sense: Sense of rotation of the arm, 1 or -1.
             seat: Angle of the last joint from which the first posture is found [rad]; pi looks the
                 other way along the arm's circle.
@@ -175,8 +180,7 @@ class OnlineCueing(LeafSystem):
             raise InputError(f"{up.tolist()}, expected a direction of 3 numbers", place="up")
         if sense not in (1, -1):
             raise InputError(f"{sense}, expected 1 or -1", place="sense")
-        check_head(robot.having(*PLANNING))
-        whole_periods(knot, period, "knot")
+        check_program(robot, knot, period)
         count, ends = round(HORIZON / knot) + 1, (robot.position_lower, robot.position_upper)
         turns = has_arm(robot) and bool(np.isinf([ends[0][0], ends[1][0]]).all())
         self._problem = Problem(
@@ -185,8 +189,15 @@ class OnlineCueing(LeafSystem):
             torque_share=torque_margin, lower=ends[0], upper=ends[1], arm=turns, shift=_RESERVE,
         )  # fmt: skip
         self._law, self._spin = law, np.array([float(sense)])
-        self.knot, self.period, self.idle_g = knot, period, idle_g or (IDLE_G if turns else 1.0)
-        self.start = self._idle(up / np.linalg.norm(up), seat)
+        self.knot, self.period, self.idle_g = knot, period, idle_g or IDLE_G
+        up = up / np.linalg.norm(up)
+        try:
+            self.start = self._idle(up, seat)
+        except InputError:
+            if idle_g:
+                raise
+            self.idle_g = 1.0
+            self.start = self._idle(up, seat)
         self._declare()
 
     def _declare(self) -> None:

@@ -68,7 +68,7 @@ def run_online(cueing: OnlineCueing, flight: Flight) -> OnlineRun:
     q, v, _ = np.split(reference, 3, axis=1)
     v = v[: int(np.flatnonzero((np.abs(v) > _MOVING).any(axis=1))[-1]) + 2].copy()
     v[-1] = 0.0
-    plans = slice(1, math.ceil(flight.duration / knot))
+    plans = slice(1, max(2, math.ceil(flight.duration / knot)))
     return OnlineRun(
         Motion.from_speeds(period, q[0], v), computing_share[plans, 0], is_kept[plans, 0] > 0
     )

@@ -8,17 +8,18 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from sdt_drake.io.arguments import finite_number
+from sdt_drake.io.arguments import finite_number, whole_periods
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.felt import felt
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.pilot.head import GRAVITY, head_motion
+from sdt_drake.pilot.head import GRAVITY, check_head, head_motion
 from sdt_drake.pilot.observer import PerceptionModel
 from sdt_drake.pilot.thresholds import AXES, LINEAR
 from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot
 
 RATE = np.radians(1.58 * np.array(AXES))
@@ -42,6 +43,16 @@ def has_arm(robot: Robot) -> bool:
     axis, _ = robot.joint_at_zero(robot.joint_names[0])
     down = robot.plant.gravity_field().gravity_vector() / GRAVITY
     return bool(np.linalg.norm(np.cross(axis, down)) < _MAX_TILT)
+
+
+def check_program(robot: Robot, knot: float, period: float) -> None:
+    """Refuse robots and times between knots [s] without a solution, for a period of motions [s]."""
+    check_head(robot.having(*PLANNING))
+    if robot.n < 2:
+        raise InputError(f"{robot.path}: 1 joint, expected at least 2")
+    whole_periods(knot, period, "knot")
+    if knot > 1:
+        raise InputError(f"{knot:g} s, expected at most 1 s", place="knot")
 
 
 def resultant(value: float, name: str) -> float:

@@ -17,7 +17,6 @@ from sdt_drake.io.arguments import (
     takes,
     whole_periods,
 )
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import work
 from sdt_drake.io.signals import holding_signals
 from sdt_drake.machine.cueing.alignment import Start, aligned, angles, standing, washed_out
@@ -25,17 +24,24 @@ from sdt_drake.machine.cueing.candidate import SENSED_PERIOD, Candidate, percept
 from sdt_drake.machine.cueing.felt import felt, followed
 from sdt_drake.machine.cueing.flight import Flight, FlightColumns, read_flight
 from sdt_drake.machine.cueing.objective import objective
+from sdt_drake.machine.cueing.online import OnlineCueing
 from sdt_drake.machine.cueing.online_flight import with_online
-from sdt_drake.machine.cueing.problem import Problem, Trajectory, Weights, has_arm, resultant
+from sdt_drake.machine.cueing.problem import (
+    Problem,
+    Trajectory,
+    Weights,
+    check_program,
+    has_arm,
+    resultant,
+)
 from sdt_drake.machine.cueing.program import fitted
 from sdt_drake.machine.cueing.reach import reach
 from sdt_drake.machine.cueing.result import CueingResult
 from sdt_drake.machine.cueing.search import Released, Search, reasons, unexcelled
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD
-from sdt_drake.pilot.head import GRAVITY, check_head
+from sdt_drake.pilot.head import GRAVITY
 from sdt_drake.pilot.observer import PerceptionModel, load_perception
 from sdt_drake.pilot.orientation import Percept
-from sdt_drake.robot.lacks import PLANNING
 from sdt_drake.robot.robot import Robot, load_robot
 
 SMOOTH = (1.0, 2.0)
@@ -142,6 +148,9 @@ def fly(
     flight = flight if isinstance(flight, Flight) else read_flight(flight, columns)
     model = perception if isinstance(perception, PerceptionModel) else load_perception(perception)
     _check(robot, knot, approach)
+    if online:  # refused before the search
+        up = flight.specific_force[0]
+        OnlineCueing(robot, idle_g=idle_g, up=up, torque_margin=torque_margin)
     began = clock.process_time()
     ends = (approach, departure)
     weights = Weights(g_weight, vertical_weight, 1.0, acceleration_weight)
@@ -254,13 +263,8 @@ def _numbers(
 
 def _check(robot: Robot, knot: float, approach: float) -> None:
     """Refuse options and robots without a solution."""
-    check_head(robot.having(*PLANNING))
-    if robot.n < 2:
-        raise InputError(f"{robot.path}: 1 joint, expected at least 2")
-    whole_periods(knot, INTERPOLATION_PERIOD, "knot")
+    check_program(robot, knot, INTERPOLATION_PERIOD)
     whole_periods(approach, INTERPOLATION_PERIOD, "approach")
-    if knot > 1:
-        raise InputError(f"{knot:g} s, expected at most 1 s", place="knot")
 
 
 def _problem_of(
