@@ -247,10 +247,15 @@ def test_datagrams_without_end_do_not_hold_the_run(monkeypatch):
     assert flight.GetOutputPort("flight").Eval(simulator.get_context()).tolist() == [*range(1, 7)]
 
 
-def test_newest_datagram_counts_and_silence_is_no_flight():
+@pytest.fixture
+def sender():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        yield sender
+
+
+def test_newest_datagram_counts_and_silence_is_no_flight(sender):
     flight = UdpFlight(columns="jsbsim", silence=0.1)
     simulator = Simulator(flight)
-    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     context = simulator.get_context()
 
     def after(time, *lines):
@@ -273,3 +278,9 @@ def test_newest_datagram_counts_and_silence_is_no_flight():
         UdpFlight(flight.port)
     with pytest.raises(sdt.InputError, match="port: 99999 cannot be opened: "):
         UdpFlight(99999)
+
+
+def test_port_is_free_again_when_the_block_is_dropped():
+    port = UdpFlight().port
+    gc.collect()
+    assert UdpFlight(port).port == port

@@ -6,7 +6,7 @@ import math
 import socket
 from pathlib import Path
 from typing import Any
-from weakref import proxy
+from weakref import finalize, proxy
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
@@ -67,6 +67,7 @@ class UdpFlight(LeafSystem):
         self._columns = named or FlightColumns()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        finalize(self, self._socket.close)
         try:
             self._socket.bind(("127.0.0.1", port))
         except (OSError, OverflowError) as error:
