@@ -95,7 +95,7 @@ class _State:
     head: Array
     """Force and rate in flight, shape (6,)."""
     in_flight: Array | None
-    """State of the observer in flight, shape (12,); None before the first sample."""
+    """State of the observer in flight, shape (12,); None without a sample."""
     washout: _Washout
     computing_share: float = 0.0
     """Computing time of the plan over the time between knots [-]."""
@@ -277,7 +277,7 @@ class OnlineCueing(LeafSystem):
         moved = advanced(model, state.on_device, before, after, h)
         state = replace(state, on_device=moved)
         if not np.isfinite(head).all():
-            return state
+            return replace(state, in_flight=None)
         flown = unfelt(head)
         if state.in_flight is not None:
             flown = advanced(model, state.in_flight, state.head, head, h)

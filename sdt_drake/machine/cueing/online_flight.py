@@ -1,6 +1,8 @@
 """A recorded flight through `OnlineCueing`, and what not knowing the flight to come costs."""
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import work
 from sdt_drake.machine.cueing.candidate import Candidate
 from sdt_drake.machine.cueing.flight import Flight
@@ -78,20 +81,19 @@ def with_online(flown: CueingResult, idle_g: float | None) -> CueingResult:
     """Add to a result the motions of both laws of `OnlineCueing`, which do not know what comes.
 
     They have the device, flight, pilot, weights and torque margin of the result, and begin with the
-    sense of the arm and the seat of its best start.
+    sense of the arm and the seat of its best start that they can hold.
     """
     best, flight = flown.chosen, flown.chosen.flight
     weights, margin = flown.numbers["weights"], flown.numbers["torque_share_allowed"]
     starts = flown.numbers["starts"]
     assert isinstance(weights, dict) and isinstance(margin, float) and isinstance(starts, list)
-    first: Any = min(starts, key=lambda one: one["cost"], default={"sense": 1, "seat_deg": 0.0})
+    ordered = sorted(starts, key=lambda one: one["cost"])
+    begins = [*((one["sense"], math.radians(one["seat_deg"])) for one in ordered), (1, 0.0)]
     online, told = [], {}
     for law in LAWS:
-        cueing = OnlineCueing(
-            best.robot, law=law, idle_g=idle_g, sense=first["sense"],
-            seat=math.radians(first["seat_deg"]),
-            up=flight.specific_force[0], perception=best.model, weights=Weights(**weights),
-            torque_margin=margin,
+        cueing = _begun(
+            begins, robot=best.robot, law=law, idle_g=idle_g, up=flight.specific_force[0],
+            perception=best.model, weights=Weights(**weights), torque_margin=margin,
         )  # fmt: skip
         run = run_online(cueing, flight)
         online.append(Candidate(f"online, {law}", best.robot, run.motion, flight, 0.0, best.model))
@@ -105,3 +107,12 @@ def with_online(flown: CueingResult, idle_g: float | None) -> CueingResult:
         }
     numbers = {**flown.numbers, "online": told}
     return replace(flown, online=tuple(online), numbers=numbers)
+
+
+def _begun(begins: Sequence[tuple[int, float]], **options: Any) -> OnlineCueing:
+    """Return the block with the first sense and seat of some that it can begin with."""
+    for sense, seat in begins[:-1]:
+        with suppress(InputError):
+            return OnlineCueing(sense=sense, seat=seat, **options)
+    sense, seat = begins[-1]
+    return OnlineCueing(sense=sense, seat=seat, **options)
