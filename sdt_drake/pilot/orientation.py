@@ -198,6 +198,7 @@ def perceive(
     return Percept(chosen, time, specific_force, angular_rate, *np.hsplit(at_samples, 3))
 
 
+_SUCCESS = "Integration successful."  # of odeint
 _LSODA = Lock()
 """Lock of `odeint`, which up to scipy 1.16 keeps its memory in one place for all threads."""
 
@@ -219,14 +220,19 @@ def _solved(
     def slopes(time: float, state: Array) -> Array:
         return diagram.EvalTimeDerivatives(at(time, state)).CopyToVector()
 
-    accuracy = {"rtol": ACCURACY, "atol": 0.01 * ACCURACY, "tfirst": True}
+    options = {"rtol": ACCURACY, "atol": 0.01 * ACCURACY, "tfirst": True, "full_output": True}
     states = [context.get_continuous_state_vector().CopyToVector()[np.newaxis]]
     last, longest = states[0][0], (times[1] - times[0], 0.0)
-    for start, end in pairwise([0.0, *turns, times[-1]]):
-        inside = times[(times > start) & (times <= end)]
+    near = 1e-6 * longest[0]  # odeint returns anything of times that differ by round-off
+    for start, end in pairwise([0.0, *turns[turns < times[-1] - near], times[-1]]):
+        inside = times[(times > start + near) & (times <= end + near)]
+        ends = len(inside) > 0 and inside[-1] >= end - near
+        points = [start, *inside[: len(inside) - ends], end]
         with _LSODA:
-            found = odeint(slopes, last, [start, *inside, end], hmax=longest[is_still], **accuracy)
-        states.append(found[1:-1])
+            found, told = odeint(slopes, last, points, hmax=longest[is_still], **options)
+        if told["message"] != _SUCCESS:
+            raise InputError(f"the perceived orientation was not found: {told['message']}")
+        states.append(found[1 : len(inside) + 1])
         last, is_still = found[-1], not is_still
     out = diagram.get_output_port()
     rows = zip(times, np.concatenate(states), strict=True)

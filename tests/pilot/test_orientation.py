@@ -109,6 +109,17 @@ def test_coarse_samples_are_felt_as_the_lines_between_them_in_any_thread():
             np.testing.assert_allclose(felt_of(felt), expected, atol=2e-3)
 
 
+@pytest.mark.parametrize("period", [0.04, 0.05, 0.07, 0.1])
+def test_steps_between_stills_are_felt_whatever_the_round_off_of_their_times(period):
+    time = 3.7 + np.arange(0, 8, period)
+    rate = np.outer((time > 4.7) & (time < 8), [0.2, -0.1, 1.0]) + np.outer(time > 9, [0, 0.3, 0])
+    force = np.tile([0.0, 0.0, G], (len(time), 1))
+    fine = np.linspace(time[0], time[-1], 8 * len(time) - 7)
+    lines = [np.array([np.interp(fine, time, x) for x in y.T]).T for y in (force, rate)]
+    expected = felt_of(perceive(fine, *lines))[::8]
+    np.testing.assert_allclose(felt_of(perceive(time, force, rate)), expected, atol=2e-3)
+
+
 def swing(radial):
     """Of Rader et al. 2009: roll by 10 deg at 0.45 Hz, 1.22 m below the axis, with 0.25 m/s² along
     the radius at twice that; it takes from the force along z (-1), adds to it (1), or is not (0).

@@ -161,9 +161,9 @@ def identify(
         Identified sdt from run.csv: torque not explained, in held-out data
         joint        by the file [%]  identified [%]
         1 planetary             3.66            0.29
-        2 roll                 88.10            5.24
+        2 roll                 88.10            5.20
         3 pitch                 6.14            0.29
-        4 yaw                  10.89            0.49
+        4 yaw                  10.89            0.47
     """
     if only is not None:
         one_of(only, "only", ONLY)
