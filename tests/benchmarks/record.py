@@ -1,10 +1,10 @@
 """Measure the ratios of this version, and keep them in ratios.csv in place of earlier ones of it.
 
-    python tests/benchmarks/record.py [loop] [identify] [studies] [suspicions] [mutants]
+    python tests/benchmarks/record.py [loop] [identify] [studies] [suspicions] [mutants] [online]
 
 Ratios depend less on the machine than times, so those of releases can be compared. It takes some
-ten minutes of two cores that have nothing else to do; suspicions, three minutes, and mutants, a
-quarter of an hour, are tried if they are asked for.
+ten minutes of two cores that have nothing else to do; suspicions, three minutes, online,
+six, and mutants, a quarter of an hour, are tried if they are asked for.
 """
 
 import csv
