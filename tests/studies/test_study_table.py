@@ -140,6 +140,10 @@ def test_shares_within_their_standard_error_are_dashes_and_inputs_have_units():
     assert [*map(table.input_label, "xy")] == ["x [kg]", "y"]
 
 
+def test_study_without_any_result_has_no_table_of_explained_variance():
+    assert study_tables.sensitivity_tables(table_of({"x": [1.0, 2.0]}, {}), []) == []
+
+
 def test_study_chapter_has_one_table_and_existing_figures(copied, undrawn):
     made = Report("many", [], [report.study_chapter(copied)])
     made.write_parts(copied.parent)

@@ -117,7 +117,7 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
         names: outcomes, a column each; a family stands for its worst joint.
     """
     tables = []
-    for level, part in table.groups.items():
+    for level, part in table.groups.items() if names else ():
         found = pandas().concat({x: summary.sensitivity(part, x) for x in names}, axis=1)
         if len(found) > 1:
             shares = found.xs("value", axis=1, level=1).clip(lower=0)  # estimates may be negative
