@@ -141,7 +141,8 @@ def test_shares_within_their_standard_error_are_dashes_and_inputs_have_units():
 
 
 def test_study_without_any_result_has_no_table_of_explained_variance():
-    assert study_tables.sensitivity_tables(table_of({"x": [1.0, 2.0]}, {}), []) == []
+    table = table_of({"x": [1.0, 2.0]}, {"cost_1": [np.nan, np.nan]})
+    assert study_tables.sensitivity_tables(table, []) == []
 
 
 def test_study_chapter_has_one_table_and_existing_figures(copied, undrawn):
