@@ -20,22 +20,9 @@ from weakref import proxy
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    LeafSystem,
-    State,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
-from sdt_drake.io.arguments import (
-    finite,
-    finite_number,
-    one_of,
-    positive,
-    share,
-    takes,
-)
+from sdt_drake.io.arguments import finite, finite_number, one_of, positive, share, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.cueing.alignment import TILT, WASHOUT, nearer, standing, turned

@@ -69,7 +69,8 @@ def run_online(cueing: OnlineCueing, flight: Flight) -> OnlineRun:
         log.FindLog(simulator.get_context()).data().T[1:] for log in logs
     )
     q, v, _ = np.split(reference, 3, axis=1)
-    v = v[: int(np.flatnonzero((np.abs(v) > _MOVING).any(axis=1))[-1]) + 2].copy()
+    moves = np.flatnonzero((np.abs(v) > _MOVING).any(axis=1)).max(initial=0)
+    v = v[: max(int(moves), round(flight.duration / period)) + 2].copy()
     v[-1] = 0.0
     plans = slice(1, max(2, math.ceil(flight.duration / knot)))
     return OnlineRun(

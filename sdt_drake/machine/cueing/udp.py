@@ -75,9 +75,8 @@ class UdpFlight(LeafSystem):
             raise InputError(f"{port} cannot be opened: {error}", place="port") from None
         level = np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0])
         flight = self.DeclareDiscreteState(level)
-        heard = self.DeclareDiscreteState(
-            np.array([math.inf, 0.0])
-        )  # time of the last one [s], and refused
+        nothing = np.array([math.inf, 0.0])  # time of the last datagram [s], number of refused ones
+        heard = self.DeclareDiscreteState(nothing)
 
         def receive(context: Context, values: DiscreteValues) -> None:
             last, refused = context.get_discrete_state(int(heard)).value()
